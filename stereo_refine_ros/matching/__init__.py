@@ -1,0 +1,43 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Steps 1-3: matching cost, aggregation, disparity selection.
+
+Every matcher is a function `match(pair, params) -> Match`, chosen by name from `MATCHERS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from stereo_refine_ros.matching.opencv_matchers import match_sgbm
+from stereo_refine_ros.matching.match import Match
+from stereo_refine_ros.params import MatchingParams
+from stereo_refine_ros.types import StereoPair
+
+Matcher = Callable[[StereoPair, MatchingParams], Match]
+
+MATCHERS: dict[str, Matcher] = {
+    'sgbm': match_sgbm,
+}
+
+
+def compute_match(pair: StereoPair, params: MatchingParams) -> Match:
+    """Run the matcher that `params.method` names; raise ValueError listing the valid ones."""
+    if pair.right is None:
+        raise ValueError(f'matching.method {params.method}: needs the right image')
+    if params.method not in MATCHERS:
+        raise ValueError(f'matching.method: {params.method!r} is none of {", ".join(MATCHERS)}')
+    return MATCHERS[params.method](pair, params)

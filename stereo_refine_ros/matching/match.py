@@ -1,0 +1,46 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What every matcher returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stereo_refine_ros.types import DisparityMap, FloatMap
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """
+    A preliminary disparity and the evidence that the refinement may ask.
+
+    Attributes
+    ----------
+    disparity : DisparityMap
+        Left view, sub-pixel, left-right checked: NaN where the check failed or nothing matched.
+    right : float32 ndarray of shape (H, W), or None
+        Disparity of the right view: its column x matches column x + d of the left; NaN invalid.
+    cost : uint16 or uint8 ndarray of shape (H, W, D), or None
+        Aggregated matching cost; the last axis is d - min_disparity. None where the matcher
+        has none (OpenCV's, external ones).
+
+    """
+
+    disparity: DisparityMap
+    right: FloatMap | None = None
+    cost: NDArray[np.unsignedinteger] | None = None

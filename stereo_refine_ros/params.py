@@ -1,0 +1,271 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Every parameter once: type, default, unit, range and what it does.
+
+The ROS descriptors, the check of the YAML presets, the command-line options of `evaluate` and
+the table in the README all come from the dataclasses below. The defaults are the `live` preset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+import math
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+PRESETS = ('live', 'accurate', 'paper')
+MATCHERS = ('sgbm', 'bm', 'segment_tree', 'non_local', 'scanline', 'external')
+PROJECTIONS = ('full', 'guarded', 'off')
+FILTERS = ('none', 'box', 'weighted_median', 'guided', 'trilateral', 'bilateral', 'median')
+
+
+def _choice(default: str, choices: tuple[str, ...], description: str) -> Any:
+    return field(default=default, metadata={'choices': choices, 'description': description})
+
+
+def _integer(default: int, low: int, high: int, unit: str, description: str) -> Any:
+    meta = {'low': low, 'high': high, 'unit': unit, 'description': description}
+    return field(default=default, metadata=meta)
+
+
+def _number(default: float, low: float, high: float, unit: str, description: str) -> Any:
+    meta = {'low': low, 'high': high, 'unit': unit, 'description': description}
+    return field(default=default, metadata=meta)
+
+
+def _flag(default: bool, description: str) -> Any:
+    return field(default=default, metadata={'description': description})
+
+
+@dataclass(frozen=True)
+class MatchingParams:
+    """Steps 1-3: the preliminary disparity."""
+
+    method: str = _choice('sgbm', MATCHERS, 'matcher that makes the preliminary disparity')
+    min_disparity: int = _integer(0, -2048, 2048, 'px', 'smallest disparity searched')
+    num_disparities: int = _integer(64, 1, 2048, 'px', 'number of disparities searched')
+
+
+@dataclass(frozen=True)
+class SegmentationParams:
+    """Step 4a: graph segmentation of the left image (Felzenszwalb & Huttenlocher 2004)."""
+
+    k: float = _number(300.0, 0.0, 1e6, '-', 'scale of observation: larger k, larger segments')
+    sigma: float = _number(0.5, 0.0, 10.0, 'px', 'Gaussian blur before segmentation, 0 for none')
+    min_size: int = _integer(50, 1, 1000000, 'px', 'smaller segments join their best neighbour')
+
+
+@dataclass(frozen=True)
+class PlaneParams:
+    """Step 4b: a RANSAC plane per segment, and its projection into the disparity map."""
+
+    projection: str = _choice(
+        'guarded', PROJECTIONS,
+        'full: every pixel of a fitted segment takes its plane (the paper); '
+        'guarded: a pixel moves only where the evidence says so; off: planes change nothing')
+    iterations: int = _integer(60, 1, 10000, '-', 'RANSAC hypotheses per segment')
+    inlier_threshold: float = _number(1.0, 0.01, 100.0, 'px', 'largest residual of an inlier')
+    min_inlier_ratio: float = _number(0.5, 0.0, 1.0, 'ratio', 'planes with fewer inliers fail')
+    seed: int = _integer(0, 0, 2147483647, '-', 'seed of the hypotheses')
+
+
+@dataclass(frozen=True)
+class FilterParams:
+    """Step 4c: the filter after projection."""
+
+    method: str = _choice('weighted_median', FILTERS, 'filter of the projected disparity')
+    radius: int = _integer(3, 1, 50, 'px', 'half width of the filter window')
+    eps: float = _number(0.01, 1e-9, 10.0, '-', 'regularisation of the guided filter')
+    sigma_color: float = _number(10.0, 0.1, 1000.0, 'grey levels', 'how alike colours must be')
+    sigma_space: float = _number(5.0, 0.1, 1000.0, 'px', 'spatial reach of the weights')
+
+
+@dataclass(frozen=True)
+class SyncParams:
+    """Pairing of left, right and camera_info messages."""
+
+    approximate: bool = _flag(False, 'pair stamps that differ by at most sync.slop')
+    slop: float = _number(0.01, 0.0, 10.0, 's', 'largest stamp difference within a pair')
+    queue_size: int = _integer(10, 1, 1000, '-', 'unmatched messages kept per topic')
+
+
+@dataclass(frozen=True)
+class ProcessingParams:
+    """Use of the machine."""
+
+    threads: int = _integer(2, 1, 256, '-', 'threads used by the kernels and by OpenCV')
+
+
+@dataclass(frozen=True)
+class Params:
+    """
+    One consistent set of parameters; read as `params.matching.method` or by dotted name.
+
+    Build it with `load_preset`, change it with `updated`; both check every value.
+    """
+
+    preset: str = _choice('live', PRESETS, 'named set of values that the others start from')
+    matching: MatchingParams = field(default_factory=MatchingParams)
+    segmentation: SegmentationParams = field(default_factory=SegmentationParams)
+    planes: PlaneParams = field(default_factory=PlaneParams)
+    filter: FilterParams = field(default_factory=FilterParams)
+    sync: SyncParams = field(default_factory=SyncParams)
+    processing: ProcessingParams = field(default_factory=ProcessingParams)
+
+    def as_dict(self) -> dict[str, Any]:
+        """All values by dotted name, in the order of definition."""
+        return {spec.name: _lookup(self, spec.name) for spec in SPECS}
+
+    def updated(self, values: Mapping[str, Any]) -> Params:
+        """
+        Return a copy with the dotted names in `values` changed; all of them or none.
+
+        A new `preset` resets every parameter to that preset before the others apply.
+
+        Raises
+        ------
+        ValueError
+            Naming every unknown name and every value out of its type, range or choices.
+
+        """
+        checked = check_values(values)
+        if 'preset' in checked and checked['preset'] != self.preset:
+            return load_preset(checked['preset'], checked)
+        return _with_values(self, checked)
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """The definition of one parameter, as the ROS descriptors and the README need it."""
+
+    name: str
+    type: type
+    default: Any
+    description: str
+    unit: str = ''
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+
+    def check(self, value: Any) -> Any:
+        """Return `value` as the parameter's type; raise ValueError saying what is allowed."""
+        if self.type is float and type(value) is int:
+            value = float(value)
+        if type(value) is not self.type:
+            raise ValueError(
+                f'{self.name}: expected {self.type.__name__}, '
+                f'got {type(value).__name__} {value!r}')
+        if self.choices and value not in self.choices:
+            raise ValueError(f'{self.name}: {value!r} is none of {", ".join(self.choices)}')
+        if self.low is not None and self.high is not None:
+            if not math.isfinite(value) or not self.low <= value <= self.high:
+                raise ValueError(
+                    f'{self.name}: {value} is outside {self.low} to {self.high}')
+        return value
+
+
+def _specs(node: Any, prefix: str = '') -> Iterator[ParameterSpec]:
+    for item in fields(node):
+        value = getattr(node, item.name)
+        if is_dataclass(value):
+            yield from _specs(value, f'{prefix}{item.name}.')
+        else:
+            yield ParameterSpec(prefix + item.name, type(value), value, **item.metadata)
+
+
+SPECS: tuple[ParameterSpec, ...] = tuple(_specs(Params()))
+SPEC_BY_NAME: dict[str, ParameterSpec] = {spec.name: spec for spec in SPECS}
+
+
+def check_values(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Check values by dotted name; raise one ValueError that lists everything wrong."""
+    checked, wrong = {}, []
+    for name, value in values.items():
+        if name not in SPEC_BY_NAME:
+            wrong.append(f'{name}: no such parameter')
+            continue
+        try:
+            checked[name] = SPEC_BY_NAME[name].check(value)
+        except ValueError as error:
+            wrong.append(str(error))
+    if wrong:
+        raise ValueError('; '.join(wrong))
+    return checked
+
+
+def load_preset(name: str, overrides: Mapping[str, Any] | None = None) -> Params:
+    """
+    Return the parameters of a preset, with `overrides` by dotted name on top.
+
+    Raises
+    ------
+    ValueError
+        For an unknown preset or override, or a value that its parameter does not take.
+
+    """
+    SPEC_BY_NAME['preset'].check(name)
+    checked = check_values(overrides or {})
+    values = read_preset_file(preset_path(name))
+    return _with_values(Params(), {**values, **checked, 'preset': name})
+
+
+def read_preset_file(path: Path) -> dict[str, Any]:
+    """Read the dotted parameters of a ROS parameter file (its `/**` section)."""
+    document = yaml.safe_load(path.read_text(encoding='utf-8'))
+    flat: dict[str, Any] = {}
+    _flatten(document['/**']['ros__parameters'], '', flat)
+    return check_values(flat)
+
+
+def preset_path(name: str) -> Path:
+    """Find `config/<name>.yaml` in the checkout, else in the installed share folder."""
+    here = Path(__file__).resolve()
+    candidates = [here.parents[1] / 'config' / f'{name}.yaml']
+    candidates += [
+        parent / 'share' / 'stereo_refine_ros' / 'config' / f'{name}.yaml'
+        for parent in here.parents]
+    for path in candidates:
+        if path.is_file():
+            return path
+    raise FileNotFoundError(f'preset {name!r}: no {name}.yaml beside the package or in share/')
+
+
+def _flatten(tree: Mapping[str, Any], prefix: str, out: dict[str, Any]) -> None:
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            _flatten(value, f'{prefix}{key}.', out)
+        else:
+            out[prefix + key] = value
+
+
+def _lookup(params: Any, name: str) -> Any:
+    for part in name.split('.'):
+        params = getattr(params, part)
+    return params
+
+
+def _with_values(params: Params, checked: Mapping[str, Any]) -> Params:
+    for name, value in checked.items():
+        group, _, leaf = name.rpartition('.')
+        if group:
+            section = replace(getattr(params, group), **{leaf: value})
+            params = replace(params, **{group: section})
+        else:
+            params = replace(params, **{leaf: value})
+    return params

@@ -1,0 +1,97 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The whole method on one screen: match, segment, fit planes, project, filter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import time
+
+import numpy as np
+
+from stereo_refine_ros.matching import compute_match
+from stereo_refine_ros.matching.match import Match
+from stereo_refine_ros.params import Params
+from stereo_refine_ros.types import (
+    DisparityMap, FloatMap, Image, PlaneSegmentation, RefinementResult, StereoPair)
+
+
+class StereoRefiner:
+    """
+    Refine the disparity of one stereo pair after another (Hamzah et al. 2017, figure 2).
+
+    Parameters
+    ----------
+    params : Params
+        From `load_preset`. Build a new refiner to change them.
+
+    """
+
+    def __init__(self, params: Params) -> None:
+        """Keep the parameters; nothing is computed yet."""
+        self.params = params
+
+    def process(self, left: Image, right: Image | None,
+                preliminary: FloatMap | None = None) -> RefinementResult:
+        """
+        Compute the preliminary disparity of a rectified pair and refine it.
+
+        Parameters
+        ----------
+        left, right : uint8 ndarray of shape (H, W) or (H, W, 3) BGR
+            `right` may be None when `preliminary` is given.
+        preliminary : float32 ndarray of shape (H, W), optional
+            Disparity of the left view in pixels, NaN invalid; replaces the matcher.
+
+        Raises
+        ------
+        ValueError
+            For images or a map of the wrong type or shape.
+
+        """
+        pair = StereoPair(left, right)
+        stage_ms: dict[str, float] = {}
+        with _timed(stage_ms, 'matching'):
+            match = self._match(pair, preliminary)
+        with _timed(stage_ms, 'segmentation'):
+            labels = np.zeros(pair.shape, np.int32)
+        with _timed(stage_ms, 'planes'):
+            segments = PlaneSegmentation(
+                labels, np.full((1, 3), np.nan), np.zeros(1, bool), np.zeros(1, np.float32))
+            projected = match.disparity.values
+        with _timed(stage_ms, 'filter'):
+            refined = projected.copy()
+        return RefinementResult(
+            self._map(refined), match.disparity, segments, float('nan'), stage_ms)
+
+    def _match(self, pair: StereoPair, preliminary: FloatMap | None) -> Match:
+        if preliminary is None:
+            return compute_match(pair, self.params.matching)
+        if preliminary.shape != pair.shape:
+            raise ValueError(
+                f'preliminary: expected shape {pair.shape}, got {preliminary.shape}')
+        return Match(self._map(preliminary.astype(np.float32)))
+
+    def _map(self, values: FloatMap) -> DisparityMap:
+        matching = self.params.matching
+        return DisparityMap(values, matching.min_disparity, matching.num_disparities)
+
+
+@contextmanager
+def _timed(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    stage_ms[stage] = (time.perf_counter() - start) * 1e3

@@ -1,0 +1,173 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The nouns of the pipeline: what one frame is made of, from images to refined disparity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatMap = NDArray[np.float32]
+LabelMap = NDArray[np.int32]
+Image = NDArray[np.uint8]
+
+
+def require_image(name: str, image: object) -> Image:
+    """
+    Check that `image` is a non-empty uint8 array of shape (H, W) or (H, W, 3).
+
+    Raises
+    ------
+    ValueError
+        Naming `name`, what was expected and what came.
+    """
+    if not isinstance(image, np.ndarray):
+        raise ValueError(f'{name}: expected a numpy array, got {type(image).__name__}')
+    is_image_shape = image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)
+    if image.dtype != np.uint8 or not is_image_shape or image.size == 0:
+        raise ValueError(
+            f'{name}: expected uint8 (H, W) or (H, W, 3), got {image.dtype} {image.shape}')
+    return image
+
+
+@dataclass(frozen=True, eq=False)
+class StereoPair:
+    """
+    A rectified pair; a point at column x of `left` lies at column x - d of `right`.
+
+    Attributes
+    ----------
+    left, right : uint8 ndarray of shape (H, W) or (H, W, 3) BGR
+        `right` is None when somebody else's disparity is refined with the left image alone.
+
+    """
+
+    left: Image
+    right: Image | None
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a pair of images of one size."""
+        require_image('left', self.left)
+        if self.right is None:
+            return
+        require_image('right', self.right)
+        if self.left.shape != self.right.shape:
+            raise ValueError(
+                f'left and right differ in shape: {self.left.shape} and {self.right.shape}')
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width in pixels."""
+        return self.left.shape[0], self.left.shape[1]
+
+
+@dataclass(frozen=True)
+class StereoGeometry:
+    """
+    Pinhole geometry of a rectified pair: Z = focal_px * baseline_m / (d + doffs_px).
+
+    `d` is the disparity between the image columns (x_left - x_right);
+    `doffs_px` is cx_right - cx_left.
+    """
+
+    focal_px: float
+    baseline_m: float
+    cx_left: float
+    cy: float
+    cx_right: float
+
+    @property
+    def doffs_px(self) -> float:
+        """Offset that turns the difference of image columns into a metric disparity."""
+        return self.cx_right - self.cx_left
+
+
+@dataclass(frozen=True, eq=False)
+class DisparityMap:
+    """
+    Disparities of the left view.
+
+    Attributes
+    ----------
+    values : float32 ndarray of shape (H, W)
+        Pixels, positive for points in front of the cameras; NaN is the only mark of "invalid".
+    min_disparity, num_disparities : int
+        The searched range is [min_disparity, min_disparity + num_disparities).
+
+    """
+
+    values: FloatMap
+    min_disparity: int
+    num_disparities: int
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Mask of valid pixels, shape (H, W)."""
+        return np.isfinite(self.values)
+
+    @property
+    def valid_ratio(self) -> float:
+        """Share of valid pixels, 0..1."""
+        return float(np.count_nonzero(self.valid)) / self.values.size
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneSegmentation:
+    """
+    Segments of the left image and the disparity plane of each: d(x, y) = a x + b y + c.
+
+    Attributes
+    ----------
+    labels : int32 ndarray of shape (H, W), 0..N-1
+    planes : float64 ndarray of shape (N, 3), columns a, b, c
+    is_fitted : bool ndarray of shape (N,)
+        False where no plane could be fitted; its row in `planes` is NaN.
+    inlier_ratio : float32 ndarray of shape (N,)
+        Share of the segment's fit data within the inlier threshold of its plane.
+
+    """
+
+    labels: LabelMap
+    planes: NDArray[np.float64]
+    is_fitted: NDArray[np.bool_]
+    inlier_ratio: FloatMap
+
+
+@dataclass(frozen=True, eq=False)
+class RefinementResult:
+    """
+    What one frame became.
+
+    Attributes
+    ----------
+    disparity : DisparityMap
+        The refined map.
+    preliminary : DisparityMap
+        The matcher's map (or the external one) that was refined.
+    segments : PlaneSegmentation
+    lr_consistent_ratio : float
+        Share of pixels that passed the left-right check, NaN where no right map exists.
+    stage_ms : dict of str to float
+        Wall time of 'matching', 'segmentation', 'planes' and 'filter' in milliseconds.
+
+    """
+
+    disparity: DisparityMap
+    preliminary: DisparityMap
+    segments: PlaneSegmentation
+    lr_consistent_ratio: float
+    stage_ms: dict[str, float] = field(default_factory=dict)
