@@ -1,0 +1,132 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The image as a graph: neighbouring pixels joined by edges of 8-bit weight, sorted by counting.
+
+An edge is one integer, its code: `pixel * K + direction`, with `pixel` the flat index y * W + x
+and K = 2 directions (right, down) for 4 neighbours or K = 4 (also down-right, down-left) for 8.
+`neighbour_offsets` turns a direction into the step of the flat index.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+import numpy as np
+from numpy.typing import NDArray
+
+from stereo_refine_ros.types import Image, require_image
+
+IndexArray = NDArray[np.int32]
+
+_STEPS = np.array([(0, 1), (1, 0), (1, 1), (1, -1)], np.int32)
+
+
+def neighbour_offsets(width: int, directions: int = 2) -> IndexArray:
+    """Return the step of the flat pixel index in each direction, int32 of shape (K,)."""
+    return (_STEPS[:directions, 0] * width + _STEPS[:directions, 1]).astype(np.int32)
+
+
+def edge_weights(image: Image, directions: int = 2) -> NDArray[np.uint8]:
+    """
+    Weigh the edges of the pixel graph by the largest difference of a channel.
+
+    Parameters
+    ----------
+    image : uint8 ndarray of shape (H, W) or (H, W, 3)
+    directions : {2, 4}
+        2 for 4 neighbours, 4 for 8 neighbours.
+
+    Returns
+    -------
+    uint8 ndarray of shape (H, W, directions)
+        Entries whose neighbour lies outside the image are 0 and not part of the graph.
+
+    """
+    require_image('image', image)
+    if directions not in (2, 4):
+        raise ValueError(f'directions: expected 2 or 4, got {directions}')
+    height, width = image.shape[:2]
+    weights = np.empty((height, width, directions), np.uint8)
+    _weights_kernel(image.reshape(height, width, -1), _STEPS[:directions], weights)
+    return weights
+
+
+def sort_edges(weights: NDArray[np.uint8]) -> IndexArray:
+    """
+    Sort the edges by weight in linear time; equal weights keep the order of their codes.
+
+    Parameters
+    ----------
+    weights : uint8 ndarray of shape (H, W, K)
+
+    Returns
+    -------
+    int32 ndarray of shape (number of edges,)
+        Edge codes in ascending order of weight.
+
+    """
+    height, width, directions = weights.shape
+    return _sort_kernel(weights, _STEPS[:directions], count_edges(height, width, directions))
+
+
+def count_edges(height: int, width: int, directions: int = 2) -> int:
+    """Return the number of edges of the graph of an image of this size."""
+    across = height * (width - 1) + (height - 1) * width
+    return across if directions == 2 else across + 2 * (height - 1) * (width - 1)
+
+
+@njit(cache=True, nogil=True)
+def _is_inside(y: int, x: int, height: int, width: int) -> bool:
+    return 0 <= x < width and y < height
+
+
+@njit(cache=True, nogil=True)
+def _weights_kernel(image, steps, weights):
+    height, width, channels = image.shape
+    for y in range(height):
+        for x in range(width):
+            for k in range(steps.shape[0]):
+                ny, nx = y + steps[k, 0], x + steps[k, 1]
+                weights[y, x, k] = 0
+                if not _is_inside(ny, nx, height, width):
+                    continue
+                largest = np.int32(0)
+                for c in range(channels):
+                    # Unsigned differences wrap round.
+                    difference = abs(np.int32(image[y, x, c]) - np.int32(image[ny, nx, c]))
+                    largest = max(largest, difference)
+                weights[y, x, k] = largest
+
+
+@njit(cache=True, nogil=True)
+def _sort_kernel(weights, steps, count):
+    height, width, directions = weights.shape
+    starts = np.zeros(257, np.int64)
+    for y in range(height):
+        for x in range(width):
+            for k in range(directions):
+                if _is_inside(y + steps[k, 0], x + steps[k, 1], height, width):
+                    starts[np.int64(weights[y, x, k]) + 1] += 1
+    for value in range(256):
+        starts[value + 1] += starts[value]
+    order = np.empty(count, np.int32)
+    for y in range(height):
+        for x in range(width):
+            for k in range(directions):
+                if _is_inside(y + steps[k, 0], x + steps[k, 1], height, width):
+                    weight = np.int64(weights[y, x, k])
+                    order[starts[weight]] = (y * width + x) * directions + k
+                    starts[weight] += 1
+    return order
