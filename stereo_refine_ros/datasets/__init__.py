@@ -12,4 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where stereo pairs come from: Middlebury, the synthetic scene, bags."""
+"""Stereo pairs to work on: Middlebury, rendered planes, folders and bags."""
+
+from stereo_refine_ros.datasets.folder import iterate_folder
+from stereo_refine_ros.datasets.locate import cache_dir, find_data
+from stereo_refine_ros.datasets.middlebury import list_scenes, load_scene
+from stereo_refine_ros.datasets.scene import Scene
+from stereo_refine_ros.datasets.synthetic import render_scene, SyntheticScene
+
+__all__ = ['Scene', 'SyntheticScene', 'cache_dir', 'find_data', 'iterate_folder', 'list_scenes',
+           'load_scene', 'render_scene']
