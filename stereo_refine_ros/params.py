@@ -69,6 +69,7 @@ class SegmentationParams:
     k: float = _number(300.0, 0.0, 1e6, '-', 'scale of observation: larger k, larger segments')
     sigma: float = _number(0.5, 0.0, 10.0, 'px', 'Gaussian blur before segmentation, 0 for none')
     min_size: int = _integer(50, 1, 1000000, 'px', 'smaller segments join their best neighbour')
+    diagonal: bool = _flag(False, 'join diagonal neighbours too: 8 instead of 4')
 
 
 @dataclass(frozen=True)

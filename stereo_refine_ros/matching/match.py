@@ -38,9 +38,13 @@ class Match:
     cost : uint16 or uint8 ndarray of shape (H, W, D), or None
         Aggregated matching cost; the last axis is d - min_disparity. None where the matcher
         has none (OpenCV's, external ones).
+    subpixel : float32 ndarray of shape (H, W), or None
+        Sub-pixel winner-takes-all disparities that passed the left-right check, NaN elsewhere:
+        the data that planes are fitted to. None where `disparity` itself is that.
 
     """
 
     disparity: DisparityMap
     right: FloatMap | None = None
     cost: NDArray[np.unsignedinteger] | None = None
+    subpixel: FloatMap | None = None

@@ -1,0 +1,140 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Scanline optimisation on a cost volume in int16 (Hirschmueller 2008; penalties of Mei et al. 2011).
+
+Every path carries L(p, d) = C(p, d) + min(L(q, d), L(q, d +- 1) + P1, min L(q) + P2) - min L(q)
+with q the pixel before p. Casts to int16 are spelled out: numba widens integers, and only the
+narrow form fills the vector registers.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+import numpy as np
+
+_FAR = np.int16(16000)
+
+
+@njit(cache=True, nogil=True, inline='always')
+def _step(before, least, cost, flat, limits, after, total):
+    """
+    Advance a path by one pixel and add it to `total`; returns the least entry of `after`.
+
+    `before` and `after` hold D + 2 entries, the ends far away. `flat` is -1 where the right
+    view is flat at a disparity, else 0; `limits` holds P1 there and what flatness adds, then P2.
+    """
+    lowest = _FAR
+    for i in range(cost.shape[0]):
+        small = np.int16(limits[0] + np.int16(flat[i] & limits[1]))
+        large = np.int16(limits[2] + np.int16(flat[i] & limits[3]))
+        best = min(before[i + 1], np.int16(min(before[i], before[i + 2]) + small))
+        best = min(best, np.int16(least + large))
+        value = np.int16(np.int16(cost[i]) + np.int16(best - least))
+        after[i + 1] = value
+        total[i] = np.int16(total[i] + value)
+        lowest = min(lowest, value)
+    return lowest
+
+
+@njit(cache=True, nogil=True)
+def _horizontal_kernel(start, stop, cost, flat_left, flat_right, limits, total):
+    """
+    Set `total` to the left-to-right plus the right-to-left path, rows start..stop.
+
+    flat_left : int16 (H, W + 1), -1 where the step into column x from x - 1 crosses no edge.
+    flat_right : int16 (H, W + 1 + D), mirrored and padded, so that growing i is growing d.
+    """
+    _, width, depth = cost.shape
+    near = np.full(depth + 2, _FAR, np.int16)
+    far = np.full(depth + 2, _FAR, np.int16)
+    for y in range(start, stop):
+        total[y] = 0
+        for backward in range(2):
+            least = np.int16(0)
+            near[1:-1] = 0
+            for step in range(width):
+                x = width - 1 - step if backward else step
+                edge = x + backward
+                least = _step(near, least, cost[y, x], flat_right[y, width - edge:],
+                              limits[1 + flat_left[y, edge]], far, total[y, x])
+                near, far = far, near
+
+
+@njit(cache=True, nogil=True)
+def _vertical_kernel(start, stop, cost, flat_left, flat_right, limits, total):
+    """
+    Add the downward and the upward path to `total`, columns start..stop.
+
+    flat_left : int16 (H + 1, W), -1 where the step into row y from y - 1 crosses no edge.
+    flat_right : int16 (H + 1, W + D), mirrored and padded.
+    """
+    height, width, depth = cost.shape
+    near = np.full((stop - start, depth + 2), _FAR, np.int16)
+    far = near.copy()
+    least = np.zeros(stop - start, np.int16)
+    for upward in range(2):
+        near[:, 1:-1] = 0
+        least[:] = 0
+        for step in range(height):
+            y = height - 1 - step if upward else step
+            edge = y + upward
+            for x in range(start, stop):
+                i = x - start
+                least[i] = _step(near[i], least[i], cost[y, x], flat_right[edge, width - 1 - x:],
+                                 limits[1 + flat_left[edge, x]], far[i], total[y, x])
+            near, far = far, near
+
+
+@njit(cache=True, nogil=True)
+def _winner_kernel(start, stop, total, winner, subpixel):
+    """Left view: index of the least total and its parabola offset, rows start..stop."""
+    _, width, depth = total.shape
+    for y in range(start, stop):
+        for x in range(width):
+            row = total[y, x]
+            lowest = _FAR
+            for i in range(depth):
+                lowest = min(lowest, row[i])
+            best = 0
+            while row[best] != lowest:
+                best += 1
+            winner[y, x] = best
+            offset = np.float32(0)
+            if 0 < best < depth - 1:
+                before = np.float32(row[best - 1] - lowest)
+                after = np.float32(row[best + 1] - lowest)
+                if before + after > 0:
+                    offset = np.float32(0.5) * (before - after) / (before + after)
+            subpixel[y, x] = np.float32(best) + offset
+
+
+@njit(cache=True, nogil=True)
+def _right_winner_kernel(start, stop, total, min_disparity, winner):
+    """Right view: least total on the diagonal x + d of the left volume, rows start..stop."""
+    _, width, depth = total.shape
+    least = np.empty(width, np.int16)
+    for y in range(start, stop):
+        least[:] = _FAR
+        winner[y] = -1
+        for x in range(width):
+            row = total[y, x]
+            shift = x - min_disparity
+            first = max(0, shift - width + 1)
+            last = min(depth, shift + 1)
+            for i in range(first, last):
+                if row[i] < least[shift - i]:
+                    least[shift - i] = row[i]
+                    winner[y, shift - i] = i

@@ -1,0 +1,119 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Planes across segment borders: coplanar neighbours merge, segments without evidence adopt.
+
+A table that falls apart into ten segments is still one plane, and a segment that the matcher
+could not see lies most likely on the plane of the neighbour it resembles.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+import numpy as np
+from numpy.typing import NDArray
+
+from stereo_refine_ros.matching.disjoint_set import find, make_sets, union
+from stereo_refine_ros.params import PlaneParams
+from stereo_refine_ros.refinement.planes import (
+    MIN_DATA, PlaneFits, plane_of_moments, residual_variance)
+from stereo_refine_ros.refinement.regions import Borders
+
+# How much the residual variance of either part may rise, px^2, for two segments to be one plane.
+_MERGE_RISE = 0.15
+_ADOPTION_PASSES = 20
+
+
+def merge_coplanar(fits: PlaneFits, borders: Borders, params: PlaneParams) -> NDArray[np.float64]:
+    """
+    Replace the planes of coplanar neighbours by their joint plane, most alike in colour first.
+
+    Returns
+    -------
+    float64 ndarray of shape (N, 3)
+
+    """
+    count = fits.planes.shape[0]
+    order = np.argsort(borders.color_change, kind='stable')
+    parent, size = make_sets(count)
+    trusted = (fits.inlier_ratio >= params.min_inlier_ratio) & (fits.moments[:, 0] >= MIN_DATA)
+    planes = fits.planes.copy()
+    _merge_kernel(borders.pairs[order], trusted, fits.moments.copy(), planes, parent, size)
+    return planes
+
+
+def adopt_planes(planes: NDArray[np.float64], fits: PlaneFits, borders: Borders,
+                 params: PlaneParams) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """
+    Give segments without evidence the plane of the neighbour that they most resemble.
+
+    Returns
+    -------
+    planes : float64 ndarray of shape (N, 3), NaN where no neighbour had a plane to give
+    own : bool ndarray of shape (N,)
+        True where the plane rests on the segment's own data.
+
+    """
+    own = (fits.data_count >= MIN_DATA) & (fits.inlier_ratio > params.min_inlier_ratio)
+    unlikeness = (borders.color_change
+                  - 2 * np.log(np.maximum(borders.length, 1))).astype(np.float64)
+    adopted = np.where(own[:, None], planes, np.nan)
+    _adopt_kernel(borders.pairs, unlikeness, adopted, own.copy())
+    return adopted, own
+
+
+@njit(cache=True, nogil=True)
+def _merge_kernel(pairs, trusted, moments, planes, parent, size):
+    for i in range(pairs.shape[0]):
+        if not (trusted[pairs[i, 0]] and trusted[pairs[i, 1]]):
+            continue
+        a, b = find(parent, pairs[i, 0]), find(parent, pairs[i, 1])
+        if a == b:
+            continue
+        joint = moments[a] + moments[b]
+        plane = plane_of_moments(joint)
+        if _rises(moments[a], planes[a], plane) or _rises(moments[b], planes[b], plane):
+            continue
+        root = union(parent, size, a, b)
+        moments[root] = joint
+        planes[root, 0], planes[root, 1], planes[root, 2] = plane
+    for label in range(parent.shape[0]):
+        planes[label] = planes[find(parent, label)]
+
+
+@njit(cache=True, nogil=True)
+def _rises(sums, old, new):
+    before = residual_variance(sums, (old[0], old[1], old[2]))
+    return residual_variance(sums, new) - before > _MERGE_RISE
+
+
+@njit(cache=True, nogil=True)
+def _adopt_kernel(pairs, unlikeness, planes, has_plane):
+    count = planes.shape[0]
+    for _ in range(_ADOPTION_PASSES):
+        least = np.full(count, np.inf)
+        giver = np.full(count, -1, np.int64)
+        for i in range(pairs.shape[0]):
+            for side in range(2):
+                taker, other = pairs[i, side], pairs[i, 1 - side]
+                if not has_plane[taker] and has_plane[other] and unlikeness[i] < least[taker]:
+                    least[taker] = unlikeness[i]
+                    giver[taker] = other
+        if giver.max() < 0:
+            break
+        for label in range(count):
+            if giver[label] >= 0:
+                planes[label] = planes[giver[label]]
+                has_plane[label] = True

@@ -1,0 +1,214 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A RANSAC plane d(x, y) = a x + b y + c for every segment (Hamzah et al. 2017, section 2.4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from numba import njit
+import numpy as np
+from numpy.typing import NDArray
+
+from stereo_refine_ros.params import PlaneParams
+from stereo_refine_ros.refinement.regions import group_pixels
+from stereo_refine_ros.threads import run_bands
+from stereo_refine_ros.types import FloatMap, LabelMap
+
+# Fewer data than this say nothing about a slanted plane.
+MIN_DATA = 30
+# Points that hypotheses are scored on; more do not change which one wins.
+_SCORED = 200
+# The first hypotheses are fronto-parallel: on narrow segments a slant is noise.
+_FRONTO_PARALLEL = 5
+_MAX_SLOPE_X, _MAX_SLOPE_Y = 0.7, 1.5
+_REFITS = 3
+# Pulls the slope of small segments to zero; weighed against n times the variance of x and y.
+_RIDGE = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneFits:
+    """
+    Planes of all segments before merging, with the moments of their inliers.
+
+    Attributes
+    ----------
+    planes : float64 ndarray of shape (N, 3), NaN where nothing was fitted
+    inlier_ratio : float32 ndarray of shape (N,)
+    data_count : int32 ndarray of shape (N,)
+        Pixels of the segment with fit data.
+    moments : float64 ndarray of shape (N, 10)
+        Sums over the inliers of 1, x, y, d, xx, xy, yy, xd, yd, dd.
+
+    """
+
+    planes: NDArray[np.float64]
+    inlier_ratio: NDArray[np.float32]
+    data_count: NDArray[np.int32]
+    moments: NDArray[np.float64]
+
+
+def fit_planes(labels: LabelMap, count: int, data: FloatMap, params: PlaneParams,
+               threads: int = 1) -> PlaneFits:
+    """
+    Fit a plane to the disparities of every segment: MSAC, then least-squares refits.
+
+    Parameters
+    ----------
+    labels : int32 ndarray of shape (H, W), 0..count-1
+    data : float32 ndarray of shape (H, W)
+        Sub-pixel disparities, NaN where there is no trustworthy one.
+
+    """
+    pixels, starts = group_pixels(labels, count)
+    fits = PlaneFits(np.full((count, 3), np.nan), np.zeros(count, np.float32),
+                     np.zeros(count, np.int32), np.zeros((count, 10)))
+    run_bands(_fit_kernel, count, threads, pixels, starts, data, params.iterations,
+              np.float32(params.inlier_threshold), params.seed,
+              fits.planes, fits.inlier_ratio, fits.data_count, fits.moments)
+    return fits
+
+
+@njit(cache=True, nogil=True)
+def _fit_kernel(start, stop, pixels, starts, data, iterations, threshold, seed,
+                planes, inlier_ratio, data_count, moments):
+    width = data.shape[1]
+    flat = data.reshape(-1)
+    for label in range(start, stop):
+        points = np.empty((starts[label + 1] - starts[label], 3), np.float32)
+        found = 0
+        for i in range(starts[label], starts[label + 1]):
+            if np.isfinite(flat[pixels[i]]):
+                points[found, 0] = pixels[i] % width
+                points[found, 1] = pixels[i] // width
+                points[found, 2] = flat[pixels[i]]
+                found += 1
+        data_count[label] = found
+        if found < 3:
+            continue
+        points = points[:found]
+        plane = _best_hypothesis(points, iterations, threshold, np.uint64(seed) + label)
+        for _ in range(_REFITS):
+            sums = _inlier_moments(points, plane, threshold)
+            if sums[0] < 3:
+                break
+            plane = plane_of_moments(sums)
+        sums = _inlier_moments(points, plane, threshold)
+        planes[label, 0], planes[label, 1], planes[label, 2] = plane
+        inlier_ratio[label] = sums[0] / found
+        moments[label] = sums
+
+
+@njit(cache=True, nogil=True)
+def _next_random(state):
+    """Step of splitmix64: a good stream from any seed, the same on every thread."""
+    state = np.uint64(state + np.uint64(0x9E3779B97F4A7C15))
+    z = np.uint64((state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9))
+    z = np.uint64((z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB))
+    return state, np.uint64(z ^ (z >> np.uint64(31)))
+
+
+@njit(cache=True, nogil=True)
+def _best_hypothesis(points, iterations, threshold, seed):
+    """Plane of least MSAC score, (a, b, c), among sampled hypotheses."""
+    count = np.uint64(points.shape[0])
+    state = np.uint64(seed) * np.uint64(0x2545F4914F6CDD1D)
+    step = max(1, points.shape[0] // _SCORED)
+    best = (0.0, 0.0, 0.0)
+    least = np.float32(np.inf)
+    for trial in range(iterations):
+        state, i = _next_random(state)
+        p = points[i % count]
+        a, b = np.float32(0), np.float32(0)
+        if trial >= _FRONTO_PARALLEL:
+            state, j = _next_random(state)
+            state, k = _next_random(state)
+            q, r = points[j % count], points[k % count]
+            ux, uy, ud = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+            vx, vy, vd = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+            area = ux * vy - uy * vx
+            if area == 0:
+                continue
+            a = np.float32((ud * vy - uy * vd) / area)
+            b = np.float32((ux * vd - ud * vx) / area)
+            if abs(a) > _MAX_SLOPE_X or abs(b) > _MAX_SLOPE_Y:
+                continue
+        c = np.float32(p[2] - a * p[0] - b * p[1])
+        score = _msac_score(points, step, a, b, c, threshold, least)
+        if score < least:
+            least = score
+            best = (np.float64(a), np.float64(b), np.float64(c))
+    return best
+
+
+@njit(cache=True, nogil=True)
+def _msac_score(points, step, a, b, c, threshold, give_up):
+    """Sum of squared residuals, each limited to threshold squared; stops above `give_up`."""
+    limit = threshold * threshold
+    score = np.float32(0)
+    for i in range(0, points.shape[0], step):
+        residual = points[i, 2] - (a * points[i, 0] + b * points[i, 1] + c)
+        score += min(residual * residual, limit)
+        if score > give_up:
+            break
+    return score
+
+
+@njit(cache=True, nogil=True)
+def _inlier_moments(points, plane, threshold):
+    sums = np.zeros(10)
+    a, b, c = plane
+    for i in range(points.shape[0]):
+        x, y, d = np.float64(points[i, 0]), np.float64(points[i, 1]), np.float64(points[i, 2])
+        if abs(d - (a * x + b * y + c)) <= threshold:
+            sums[0] += 1
+            sums[1] += x
+            sums[2] += y
+            sums[3] += d
+            sums[4] += x * x
+            sums[5] += x * y
+            sums[6] += y * y
+            sums[7] += x * d
+            sums[8] += y * d
+            sums[9] += d * d
+    return sums
+
+
+@njit(cache=True, nogil=True)
+def plane_of_moments(sums):
+    """Least-squares plane (a, b, c) of the points behind the sums, its slope held by a ridge."""
+    n = sums[0]
+    x, y, d = sums[1] / n, sums[2] / n, sums[3] / n
+    xx = sums[4] / n - x * x + _RIDGE / n
+    yy = sums[6] / n - y * y + _RIDGE / n
+    xy = sums[5] / n - x * y
+    xd = sums[7] / n - x * d
+    yd = sums[8] / n - y * d
+    area = xx * yy - xy * xy
+    a = min(max((xd * yy - yd * xy) / area, -_MAX_SLOPE_X), _MAX_SLOPE_X)
+    b = min(max((yd * xx - xd * xy) / area, -_MAX_SLOPE_Y), _MAX_SLOPE_Y)
+    return a, b, d - a * x - b * y
+
+
+@njit(cache=True, nogil=True)
+def residual_variance(sums, plane):
+    """Mean squared residual of the points behind the sums from a plane."""
+    n = sums[0]
+    a, b, c = plane
+    total = (sums[9] + a * a * sums[4] + b * b * sums[6] + c * c * n
+             - 2 * a * sums[7] - 2 * b * sums[8] - 2 * c * sums[3]
+             + 2 * a * b * sums[5] + 2 * a * c * sums[1] + 2 * b * c * sums[2])
+    return max(total / n, 0.0)
