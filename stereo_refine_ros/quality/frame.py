@@ -1,0 +1,81 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""All figures of one frame, under the keys of the `metrics` topic."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stereo_refine_ros.quality.image_metrics import default_scale
+from stereo_refine_ros.quality.photometric import photometric_quality
+from stereo_refine_ros.quality.summary import measure_against_truth
+from stereo_refine_ros.types import FloatMap, PlaneSegmentation, RefinementResult, StereoPair
+
+TRUTH_KEYS = ('mse', 'psnr', 'ssim', 'bad_1_0', 'bad_2_0', 'avg_error')
+
+
+def measure_frame(result: RefinementResult, pair: StereoPair, truth: FloatMap | None = None,
+                  scale: float | None = None) -> dict[str, float]:
+    """
+    Measure one refined frame; the live node and the offline evaluation both use this.
+
+    Parameters
+    ----------
+    result : RefinementResult
+    pair : StereoPair
+        What `result` was computed from; without a right image the photometric keys are NaN.
+    truth : float32 ndarray of shape (H, W), optional
+        Pixels, NaN unknown; adds the keys of `TRUTH_KEYS`, for both maps.
+    scale : float, optional
+        Grey levels per pixel of the 8-bit maps; `default_scale` of the search range if None.
+
+    Returns
+    -------
+    dict of str to float
+        In the order and with the units of the `metrics` topic.
+
+    """
+    segments = result.segments
+    figures = {f'{stage}_ms': time for stage, time in result.stage_ms.items()}
+    figures['total_ms'] = sum(result.stage_ms.values())
+    figures['segments'] = float(len(segments.planes))
+    figures['planes_fitted'] = float(np.count_nonzero(segments.is_fitted))
+    figures['inlier_ratio'] = mean_inlier_ratio(segments)
+    maps = {'preliminary': result.preliminary, 'refined': result.disparity}
+    for name, disparity in maps.items():
+        figures[f'valid_ratio_{name}'] = disparity.valid_ratio
+    figures['lr_consistent_ratio'] = result.lr_consistent_ratio
+    for name, disparity in maps.items():
+        psnr, ssim = photometric_quality(pair, disparity.values)
+        figures[f'photometric_psnr_{name}'] = psnr
+        figures[f'photometric_ssim_{name}'] = ssim
+    if truth is not None:
+        scale = default_scale(result.disparity.num_disparities) if scale is None else scale
+        for name, disparity in maps.items():
+            against = measure_against_truth(disparity.values, truth, scale)
+            figures.update({f'{key}_{name}': against[key] for key in TRUTH_KEYS})
+    return figures
+
+
+def mean_inlier_ratio(segments: PlaneSegmentation) -> float:
+    """Average the inlier ratio of the fitted segments, weighted by their pixels; NaN if none."""
+    pixels = np.bincount(segments.labels.ravel(), minlength=len(segments.planes))
+    weights = np.where(segments.is_fitted, pixels, 0)
+    total = weights.sum()
+    if total == 0:
+        return math.nan
+    return float(np.sum(weights * np.where(segments.is_fitted, segments.inlier_ratio, 0)) / total)
