@@ -1,0 +1,104 @@
+# Needs python3 with venv, and make. A sourced ROS 2 is used as it is; else its wheels are installed.
+PYTHON ?= python3
+VENV ?= .venv
+CONTRIB_VENV := .venv-contrib
+OLDEST_VENV := .venv-oldest
+OLDEST_PYTHON ?= $(firstword $(foreach v,3.12 3.11 3.10,$(shell command -v python$(v) 2>/dev/null)) $(PYTHON))
+
+ROS := $(if $(ROS_DISTRO),$(shell $(PYTHON) -c 'import rclpy' 2>/dev/null && echo sourced))
+# ROS 2 from apt was compiled against the numpy beside it: stay on that numpy's side of 2.0.
+NUMPY_1 := $(if $(ROS),$(shell $(PYTHON) -c 'import numpy; assert numpy.__version__ < "2"' 2>/dev/null && echo yes))
+
+RUN_LOCKS := $(if $(NUMPY_1),requirements/oldest.txt,requirements/runtime.txt $(if $(ROS),,requirements/ros.txt))
+TEST_LOCKS := $(if $(NUMPY_1),,requirements/dev.txt)
+
+KIND := $(if $(ROS),$(ROS_DISTRO),wheels)
+RUN_STAMP := $(VENV)/.run-$(KIND)
+TEST_STAMP := $(VENV)/.test-$(KIND)
+LINT_STAMP := $(VENV)/.lint-$(KIND)
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
+
+# Tests of the kernels: run compiled with all others, and once more as plain Python.
+KERNEL_TESTS := test/matching test/refinement test/quality
+
+export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+
+.PHONY: help demo test test-oldest lint bench bench-live tables lock clean
+
+help:
+	@echo 'make demo        live node, replayed stereo pair, pictures in demo_output/'
+	@echo 'make test        the whole test suite'
+	@echo 'make test-oldest the core against the oldest supported dependencies'
+	@echo 'make lint        ruff, mypy'
+	@echo 'make bench       speed and error beside OpenCV, docs/speed.svg'
+	@echo 'make bench-live  camera and node over DDS: rate, latency, drops, memory'
+	@echo 'make tables      parameter table of README.md and config/live.yaml'
+	@echo 'make lock        requirements/*.txt from *.in (needs uv)'
+	@echo 'make clean       remove what make made'
+
+demo: $(RUN_STAMP)
+	$(BIN)/python -m stereo_refine_ros.demo
+
+test: $(TEST_STAMP)
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -m 'not compiled' $(KERNEL_TESTS)
+	$(BIN)/python -m pytest
+
+test-oldest: $(OLDEST_VENV)/.installed
+	$(OLDEST_VENV)/bin/python -m pytest -m 'not ros' $(KERNEL_TESTS)
+
+lint: $(LINT_STAMP)
+	$(BIN)/python -m ruff check .
+	$(BIN)/python -m mypy
+
+bench: $(TEST_STAMP) $(CONTRIB_VENV)/.installed
+	$(BIN)/python benchmarks/speed.py --contrib-python $(CONTRIB_VENV)/bin/python
+
+bench-live: $(TEST_STAMP)
+	$(BIN)/python benchmarks/live.py
+
+tables: $(RUN_STAMP)
+	$(BIN)/python scripts/parameter_table.py --write
+
+$(BIN)/python:
+	$(PYTHON) -m venv $(if $(ROS),--system-site-packages) $(VENV)
+
+$(RUN_STAMP): $(RUN_LOCKS) setup.py package.xml pyproject.toml | $(BIN)/python
+	@echo 'Installing into $(VENV) ($(if $(ROS),with ROS 2 $(ROS_DISTRO) as sourced,with ROS 2 Jazzy from PyPI)); the first time takes a minute'
+	$(PIP) $(RUN_LOCKS:%=-r %)
+	$(PIP) --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(TEST_STAMP): $(TEST_LOCKS) $(RUN_STAMP)
+	$(if $(TEST_LOCKS),$(PIP) $(TEST_LOCKS:%=-r %))
+	@touch $@
+
+$(LINT_STAMP): requirements/lint.txt $(TEST_STAMP)
+	$(PIP) -r requirements/lint.txt
+	@touch $@
+
+$(CONTRIB_VENV)/.installed: requirements/contrib.txt
+	test -x $(CONTRIB_VENV)/bin/python || $(PYTHON) -m venv $(CONTRIB_VENV)
+	$(CONTRIB_VENV)/bin/python -m pip --disable-pip-version-check install --quiet -r $<
+	@touch $@
+
+$(OLDEST_VENV)/.installed: requirements/oldest.txt setup.py package.xml
+	test -x $(OLDEST_VENV)/bin/python || $(OLDEST_PYTHON) -m venv $(OLDEST_VENV)
+	$(OLDEST_VENV)/bin/python -m pip --disable-pip-version-check install --quiet -r $<
+	$(OLDEST_VENV)/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+UV ?= uv
+COMPILE := $(UV) pip compile --quiet --universal --python-version 3.10 --generate-hashes \
+	--no-header --no-annotate --upgrade
+lock:
+	$(COMPILE) requirements/runtime.in -o requirements/runtime.txt
+	$(COMPILE) requirements/ros.in -c requirements/runtime.txt -o requirements/ros.txt
+	$(COMPILE) requirements/dev.in -c requirements/runtime.txt -c requirements/ros.txt -o requirements/dev.txt
+	$(COMPILE) requirements/lint.in -c requirements/dev.txt -o requirements/lint.txt
+	$(COMPILE) requirements/oldest.in -o requirements/oldest.txt
+	$(COMPILE) requirements/contrib.in -o requirements/contrib.txt
+
+clean:
+	rm -rf $(VENV) $(CONTRIB_VENV) $(OLDEST_VENV) build install log demo_output *.egg-info \
+		.pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage*
