@@ -89,6 +89,12 @@ class StereoGeometry:
     cx_left: float
     cy: float
     cx_right: float
+    focal_y_px: float | None = None
+
+    @property
+    def fy(self) -> float:
+        """Vertical focal length in pixels; the horizontal one where none was given."""
+        return self.focal_px if self.focal_y_px is None else self.focal_y_px
 
     @property
     def doffs_px(self) -> float:
