@@ -36,6 +36,7 @@ def measure_frame(result: RefinementResult, pair: StereoPair, truth: FloatMap | 
     Parameters
     ----------
     result : RefinementResult
+        What the pipeline returned.
     pair : StereoPair
         What `result` was computed from; without a right image the photometric keys are NaN.
     truth : float32 ndarray of shape (H, W), optional

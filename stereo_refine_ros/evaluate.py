@@ -1,0 +1,122 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Command line of the offline evaluation: table, JSON, report; bags and image sequences."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import json
+from pathlib import Path
+import shlex
+import sys
+from typing import Any
+
+import yaml
+
+from stereo_refine_ros.datasets import find_data, list_scenes, load_scene
+from stereo_refine_ros.evaluation.progress import Progress
+from stereo_refine_ros.evaluation.report import Report
+from stereo_refine_ros.evaluation.runner import as_json, evaluate_scene, Plan, Row
+from stereo_refine_ros.evaluation.tables import check_claim, claim_text, text_table
+from stereo_refine_ros.params import FILTERS, MATCHERS, PRESETS, PROJECTIONS
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run `evaluate`; return 0, or 1 after one line that says what is wrong."""
+    args = _parser().parse_args(argv)
+    try:
+        plan = Plan(args.preset, dict(args.parameters), args.matching, args.filters,
+                    args.projection, args.repeat)
+        evaluate_scenes(args, plan)
+    except (ValueError, FileNotFoundError, ConnectionError) as error:
+        print(f'evaluate: {error}', file=sys.stderr)
+        return 1
+    return 0
+
+
+def evaluate_scenes(args: argparse.Namespace, plan: Plan) -> None:
+    """Evaluate scenes with ground truth; print the table, write what was asked for."""
+    names = args.scenes or list_scenes(args.data)
+    if not names:
+        raise FileNotFoundError(f'no scenes in {find_data(args.data)}')
+    report = Report('Disparity refinement: before and after', _command())
+    rows: list[Row] = []
+    with Progress(len(names) * len(plan.combinations())) as progress:
+        for name in names:
+            scene = load_scene(name, args.data)
+            for outcome in evaluate_scene(scene, plan):
+                rows.extend(outcome.rows)
+                if args.output:
+                    report.add(outcome)
+                progress.step(f'{scene.name} {outcome.combination}')
+    print(text_table(rows))
+    for claim in check_claim(rows):
+        print('\n'.join(claim_text(claim)))
+    if args.json:
+        args.json.parent.mkdir(parents=True, exist_ok=True)
+        args.json.write_text(json.dumps(as_json(rows), indent=1, allow_nan=False) + '\n')
+    if args.output:
+        report.write(args.output / 'report.html')
+        print(f'wrote {args.output / "report.html"}')
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='evaluate',
+        description='Evaluate disparity refinement against ground truth, before and after.')
+    parser.add_argument('--data', metavar='DIR', help='folder that holds the scene folders')
+    parser.add_argument('--scenes', type=_names, metavar='a,b', help='default: all in --data')
+    parser.add_argument('--preset', default='live', choices=PRESETS)
+    matchers = tuple(name for name in MATCHERS if name != 'external')
+    parser.add_argument('--matching', type=_names, default=(), metavar='m1,m2',
+                        help=f'of {", ".join(matchers)}; default: the preset\'s')
+    parser.add_argument('--filters', type=_names, default=(), metavar='f1,f2',
+                        help=f'of {", ".join(FILTERS)}; default: the preset\'s')
+    parser.add_argument('--projection', type=_names, default=(), metavar='p1,p2',
+                        help=f'of {", ".join(PROJECTIONS)}; default: the preset\'s')
+    parser.add_argument('-p', dest='parameters', type=_parameter, action='append', default=[],
+                        metavar='NAME=VALUE', help='a parameter by its dotted name; repeatable')
+    parser.add_argument('--repeat', type=_count, default=3, metavar='N',
+                        help='runs of each combination, times are medians (default 3)')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the rows there')
+    parser.add_argument('--output', type=Path, metavar='DIR', help='write report.html there')
+    return parser
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(',') if part.strip())
+
+
+def _count(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError('expected at least 1')
+    return number
+
+
+def _parameter(text: str) -> tuple[str, Any]:
+    name, equals, value = text.partition('=')
+    if not equals:
+        raise argparse.ArgumentTypeError(f'{text!r} is not NAME=VALUE')
+    return name, yaml.safe_load(value)
+
+
+def _command() -> str:
+    return 'python -m stereo_refine_ros.evaluate ' + shlex.join(sys.argv[1:])
+
+
+if __name__ == '__main__':
+    sys.exit(main())
