@@ -30,7 +30,7 @@ help:
 	@echo 'make demo        live node, replayed stereo pair, pictures in demo_output/'
 	@echo 'make test        the whole test suite'
 	@echo 'make test-oldest the core against the oldest supported dependencies'
-	@echo 'make lint        ruff, mypy'
+	@echo 'make lint        ruff, import order, mypy'
 	@echo 'make bench       speed and error beside OpenCV, docs/speed.svg'
 	@echo 'make bench-live  camera and node over DDS: rate, latency, drops, memory'
 	@echo 'make tables      parameter table of README.md and config/live.yaml'
@@ -49,6 +49,8 @@ test-oldest: $(OLDEST_VENV)/.installed
 
 lint: $(LINT_STAMP)
 	$(BIN)/python -m ruff check .
+	$(BIN)/python -m flake8 --select I --import-order-style google \
+		--application-import-names stereo_refine_ros stereo_refine_ros test benchmarks scripts launch setup.py
 	$(BIN)/python -m mypy
 
 bench: $(TEST_STAMP) $(CONTRIB_VENV)/.installed

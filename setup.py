@@ -51,8 +51,9 @@ setup(
         ('share/' + NAME + '/launch', _files('launch/*.launch.py')),
     ],
     python_requires='>=3.10',
-    # No ROS package here: apt's ROS has no pip names (requirements/ros.txt for a pip-only machine).
-    install_requires=['setuptools', 'numpy>=1.26', 'opencv-python-headless>=4.6', 'numba', 'pyyaml'],
+    # No ROS package here: apt's ROS has no pip names (a pip-only machine: requirements/ros.txt).
+    install_requires=[
+        'setuptools', 'numpy>=1.26', 'opencv-python-headless>=4.6', 'numba', 'pyyaml'],
     extras_require={'bag': ['rosbags'], 'demo': ['rich']},
     zip_safe=False,
     entry_points={

@@ -1,0 +1,147 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The habits of the house, held by reading the source: who imports what, sizes, headers, types."""
+
+import ast
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / 'stereo_refine_ros'
+SOURCES = sorted(
+    path for folder in ('stereo_refine_ros', 'test', 'benchmarks', 'scripts', 'launch')
+    for path in (ROOT / folder).rglob('*.py')) + [ROOT / 'setup.py']
+PRODUCT = [path for path in SOURCES if path.is_relative_to(PACKAGE)]
+
+# The ROS shell: the node, and the command lines that start one.
+SHELL = ('node', 'replay.py', 'refine_node.py', 'demo.py', 'demo')
+CORE = [path for path in PRODUCT if path.relative_to(PACKAGE).parts[0] not in SHELL]
+ROS_MODULES = (
+    'rclpy', 'launch', 'launch_ros', 'ament_index_python', 'builtin_interfaces',
+    'rcl_interfaces', 'rosgraph_msgs', 'tf2_ros')
+LONGEST_FILE, LONGEST_FUNCTION, LONGEST_KERNEL = 300, 60, 80
+
+BLOCK_ROS = """
+import importlib, pkgutil, sys
+class Block:
+    def find_spec(self, name, path=None, target=None):
+        if name.split('.')[0] in ROS or name.split('.')[0].endswith('_msgs'):
+            raise ImportError(f'{name} is blocked')
+ROS = sys.argv[1].split(',')
+sys.meta_path.insert(0, Block())
+for name in sys.argv[2:]:
+    importlib.import_module(name)
+print('imported', len(sys.argv) - 2)
+"""
+
+
+def _name(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding='utf-8'))
+
+
+def _imports(path: Path):
+    for node in ast.walk(_tree(path)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module or ''
+            yield from (f'{node.module}.{alias.name}' for alias in node.names)
+
+
+def _functions(path: Path):
+    kinds = (ast.FunctionDef, ast.AsyncFunctionDef)
+    return [node for node in ast.walk(_tree(path)) if isinstance(node, kinds)]
+
+
+def _is_kernel(function: ast.FunctionDef) -> bool:
+    return any(
+        'njit' in ast.unparse(decorator) or 'guvectorize' in ast.unparse(decorator)
+        for decorator in function.decorator_list)
+
+
+def _body_length(function: ast.FunctionDef) -> int:
+    first = function.body[0]
+    if ast.get_docstring(function) is not None:
+        start = (first.end_lineno or 0) + 1
+    else:
+        start = first.lineno
+    return (function.end_lineno or 0) - start + 1
+
+
+@pytest.mark.parametrize('path', CORE, ids=_name)
+def test_core_imports_no_ros(path: Path):
+    foreign = {
+        name for name in _imports(path)
+        if name.split('.')[0] in ROS_MODULES or name.split('.')[0].endswith('_msgs')
+        or name.startswith('stereo_refine_ros.node')}
+    assert foreign == set()
+
+
+def test_core_imports_where_ros_is_not_installed():
+    modules = [
+        '.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__')
+        for path in CORE if path.name != '__main__.py']
+    done = subprocess.run(
+        [sys.executable, '-c', BLOCK_ROS, ','.join(ROS_MODULES), *modules],
+        capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ['imported', str(len(modules))]
+
+
+@pytest.mark.parametrize('path', SOURCES, ids=_name)
+def test_file_is_short(path: Path):
+    assert len(path.read_text(encoding='utf-8').splitlines()) < LONGEST_FILE
+
+
+@pytest.mark.parametrize('path', SOURCES, ids=_name)
+def test_functions_are_short(path: Path):
+    too_long = {
+        function.name: _body_length(function) for function in _functions(path)
+        if _body_length(function) > (LONGEST_KERNEL if _is_kernel(function) else LONGEST_FUNCTION)}
+    assert too_long == {}
+
+
+@pytest.mark.parametrize('path', SOURCES, ids=_name)
+def test_file_starts_with_the_licence_header(path: Path):
+    text = path.read_text(encoding='utf-8')
+    header = (ROOT / 'setup.py').read_text(encoding='utf-8').split('\n\n')[0]
+    assert text.startswith(header + '\n\n"""')
+
+
+@pytest.mark.parametrize('path', PRODUCT, ids=_name)
+def test_functions_are_typed(path: Path):
+    untyped = []
+    for function in _functions(path):
+        arguments = function.args.posonlyargs + function.args.args + function.args.kwonlyargs
+        bare = [arg.arg for arg in arguments
+                if arg.annotation is None and arg.arg not in ('self', 'cls')]
+        if not _is_kernel(function) and (bare or function.returns is None):
+            untyped.append(function.name)
+    assert untyped == []
+
+
+@pytest.mark.parametrize('path', PRODUCT, ids=_name)
+def test_kernels_are_cached_and_keep_nan(path: Path):
+    for function in filter(_is_kernel, _functions(path)):
+        decorator = ' '.join(map(ast.unparse, function.decorator_list))
+        assert 'cache=True' in decorator, function.name
+        assert 'fastmath' not in decorator, function.name
