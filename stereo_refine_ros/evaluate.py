@@ -27,10 +27,13 @@ from typing import Any
 import yaml
 
 from stereo_refine_ros.datasets import find_data, list_scenes, load_scene
+from stereo_refine_ros.evaluation.plot import plot_svg
 from stereo_refine_ros.evaluation.progress import Progress
 from stereo_refine_ros.evaluation.report import Report
 from stereo_refine_ros.evaluation.runner import as_json, evaluate_scene, Plan, Row
 from stereo_refine_ros.evaluation.tables import check_claim, claim_text, text_table
+from stereo_refine_ros.evaluation.video import (
+    average, bag_frames, measure_video, sequence_frames, suggested_disparities, write_csv)
 from stereo_refine_ros.params import FILTERS, MATCHERS, PRESETS, PROJECTIONS
 
 
@@ -40,7 +43,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         plan = Plan(args.preset, dict(args.parameters), args.matching, args.filters,
                     args.projection, args.repeat)
-        evaluate_scenes(args, plan)
+        if args.bag or args.sequence:
+            evaluate_video(args, plan)
+        else:
+            evaluate_scenes(args, plan)
     except (ValueError, FileNotFoundError, ConnectionError) as error:
         print(f'evaluate: {error}', file=sys.stderr)
         return 1
@@ -73,6 +79,28 @@ def evaluate_scenes(args: argparse.Namespace, plan: Plan) -> None:
         print(f'wrote {args.output / "report.html"}')
 
 
+def evaluate_video(args: argparse.Namespace, plan: Plan) -> None:
+    """Run a bag or an image sequence through the core; write CSV and plot, print averages."""
+    suggested = suggested_disparities(args.sequence) if args.sequence else None
+    params = plan.params(plan.combinations()[0], suggested)
+    frames = sequence_frames(args.sequence) if args.sequence else bag_frames(args.bag, params)
+    rows = []
+    with Progress() as progress:
+        for row in measure_video(frames, params):
+            rows.append(row)
+            progress.step(f'{row["total_ms"]:.0f} ms')
+    if not rows:
+        raise ValueError(f'no stereo pair in {args.bag or args.sequence}')
+    folder = args.output or Path('evaluate_output')
+    write_csv(folder / 'metrics.csv', rows)
+    title = f'{(args.sequence or args.bag).name}: {plan.preset}, {plan.combinations()[0]}'
+    (folder / 'metrics.svg').write_text(plot_svg(rows, title), encoding='utf-8')
+    for name, value in average(rows).items():
+        if name != 'time':
+            print(f'{name:<32}{value:10.4f}')
+    print(f'{len(rows)} pairs; wrote {folder / "metrics.csv"} and {folder / "metrics.svg"}')
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='evaluate',
@@ -92,7 +120,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--repeat', type=_count, default=3, metavar='N',
                         help='runs of each combination, times are medians (default 3)')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the rows there')
-    parser.add_argument('--output', type=Path, metavar='DIR', help='write report.html there')
+    parser.add_argument('--output', type=Path, metavar='DIR',
+                        help='write report.html there (metrics.csv, metrics.svg for a video)')
+    video = parser.add_mutually_exclusive_group()
+    video.add_argument('--bag', type=Path, metavar='PATH',
+                       help='measure every pair of a rosbag2 over time instead')
+    video.add_argument('--sequence', type=Path, metavar='DIR',
+                       help='measure a folder of pairs over time instead, with temporal noise')
     return parser
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A progress line on standard error; silent lines in a log, a moving bar in a terminal."""
+"""Progress on standard error: a moving bar in a terminal, plain lines in a log."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _WIDTH = 30
 class Progress:
     """Counts steps; use it in a `with` statement, so that an error starts on a new line."""
 
-    def __init__(self, total: int, stream: TextIO | None = None) -> None:
-        """Prepare for `total` steps."""
-        self._total = max(total, 1)
+    def __init__(self, total: int | None = None, stream: TextIO | None = None) -> None:
+        """Prepare for `total` steps, None where nobody knows how many."""
+        self._total = total
         self._done = 0
         self._stream = stream or sys.stderr
 
@@ -44,12 +44,15 @@ class Progress:
 
     def step(self, text: str) -> None:
         """Count one step as done and show what it was."""
-        self._done = min(self._done + 1, self._total)
-        count = f'{self._done}/{self._total} {text}'
-        if self._stream.isatty():
-            filled = _WIDTH * self._done // self._total
-            bar = '#' * filled + '.' * (_WIDTH - filled)
-            self._stream.write(f'\r\x1b[K[{bar}] {count}')
-        else:
-            self._stream.write(count + '\n')
+        self._done += 1
+        line = f'{self._done} {text}' if self._total is None else (
+            f'{self._bar(self._total)}{self._done}/{self._total} {text}')
+        is_terminal = self._stream.isatty()
+        self._stream.write(f'\r\x1b[K{line}' if is_terminal else f'{line}\n')
         self._stream.flush()
+
+    def _bar(self, total: int) -> str:
+        if not self._stream.isatty():
+            return ''
+        filled = _WIDTH * self._done // total
+        return '[' + '#' * filled + '.' * (_WIDTH - filled) + '] '

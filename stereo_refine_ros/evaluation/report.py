@@ -37,7 +37,7 @@ _FIGURES = (
     ('bad_1_0', 'bad 1.0 %', 2), ('bad_2_0', 'bad 2.0 %', 2), ('avg_error', 'avg px', 3),
     ('nonocc', 'nonocc %', 2), ('all', 'all %', 2), ('disc', 'disc %', 2))
 
-_HOW_TO_READ = '''
+_HOW_TO_READ = """
 <p>Each cell reads <b>before &rarr; after</b>: the normal flow (matching and filter), then the new
 framework (matching, segmentation, planes, filter). &#10003; got better, &#10007; got worse.</p>
 <p>MSE, PSNR and SSIM compare 8-bit maps at the data set's own scale, over pixels with known
@@ -45,7 +45,7 @@ truth; &ldquo;MSE all pixels&rdquo; counts unknown truth as 0. SSIM sets the map
 where that is unknown and leaves out a border of 5 pixels. bad-k is the share of known pixels
 off by more than k pixels of disparity; nonocc, all and disc are bad-1.0 in the data set's
 evaluation regions. Holes are filled from the background before anything is measured.</p>
-'''
+"""
 
 
 class Report:

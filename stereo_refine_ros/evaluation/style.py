@@ -14,7 +14,7 @@
 
 """The style sheet of the HTML reports: light and dark, desktop and phone."""
 
-STYLE = '''
+STYLE = """
 :root { color-scheme: light dark; --line: #8884; --good: #00695c; --worse: #b3261e; }
 @media (prefers-color-scheme: dark) { :root { --good: #6fd3c1; --worse: #ff9a8f; } }
 body { margin: 0; font: 16px/1.5 system-ui, sans-serif; background: Canvas; color: CanvasText; }
@@ -39,4 +39,4 @@ summary { cursor: pointer; padding: .4rem 0; font-weight: 600; }
 figure { margin: 0; } figure img { width: 100%; height: auto; display: block; }
 figcaption { font-size: .8rem; }
 @media (max-width: 40rem) { .pictures { grid-template-columns: 1fr 1fr; } }
-'''
+"""

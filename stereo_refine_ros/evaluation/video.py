@@ -1,0 +1,129 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Quality over time, without ground truth: bags and image sequences through the core."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+import csv
+from dataclasses import dataclass
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+from stereo_refine_ros.datasets import iterate_folder
+from stereo_refine_ros.params import Params
+from stereo_refine_ros.pipeline import StereoRefiner
+from stereo_refine_ros.quality.frame import measure_frame
+from stereo_refine_ros.quality.temporal import temporal_noise, unchanged_pixels
+from stereo_refine_ros.types import RefinementResult, StereoPair
+
+FrameRow = dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One pair of a video; `time` in seconds from its first, or the frame's number."""
+
+    time: float
+    pair: StereoPair
+
+
+def measure_video(frames: Iterable[Frame], params: Params) -> Iterator[FrameRow]:
+    """
+    Refine every frame and measure it.
+
+    Yields
+    ------
+    dict of str to float
+        'time', the figures of `measure_frame`, and the temporal noise since the frame before:
+        'temporal_noise_preliminary' and 'temporal_noise_refined' in pixels, both over the same
+        pixels (image unchanged, preliminary map valid in both frames), and their share
+        'unchanged_ratio'. These are NaN for the first frame and after a change of size.
+
+    """
+    refiner = StereoRefiner(params)
+    previous: tuple[StereoPair, RefinementResult] | None = None
+    for frame in frames:
+        result = refiner.process(frame.pair.left, frame.pair.right)
+        row = {'time': frame.time, **measure_frame(result, frame.pair)}
+        row.update(_flicker(previous, (frame.pair, result)))
+        yield row
+        previous = frame.pair, result
+
+
+def bag_frames(path: Path, params: Params) -> Iterator[Frame]:
+    """Yield the pairs of a bag, paired as the `sync` parameters say; needs `rosbags`."""
+    from stereo_refine_ros.datasets.rosbag import iterate_pairs  # needs the package rosbags
+
+    slop = params.sync.slop if params.sync.approximate else 0.0
+    start: int | None = None
+    for item in iterate_pairs(path, slop_s=slop, queue_size=params.sync.queue_size):
+        start = item.stamp_ns if start is None else start
+        yield Frame((item.stamp_ns - start) * 1e-9, item.pair)
+
+
+def sequence_frames(folder: Path) -> Iterator[Frame]:
+    """Yield the pairs of a folder in the order of their names."""
+    for number, scene in enumerate(iterate_folder(folder)):
+        yield Frame(float(number), scene.pair)
+
+
+def suggested_disparities(folder: Path) -> int | None:
+    """Read the search range that a sequence's `meta.json` suggests, if it does."""
+    meta = folder / 'meta.json'
+    if not meta.is_file():
+        return None
+    return json.loads(meta.read_text(encoding='utf-8')).get('suggested_ndisp')
+
+
+def write_csv(path: Path, rows: Sequence[FrameRow]) -> None:
+    """Write one line a frame; what could not be measured is an empty cell."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open('w', newline='', encoding='utf-8') as stream:
+        writer = csv.DictWriter(stream, list(rows[0]))
+        writer.writeheader()
+        for row in rows:
+            writer.writerow({name: f'{value:.6g}' if math.isfinite(value) else ''
+                             for name, value in row.items()})
+
+
+def average(rows: Sequence[FrameRow]) -> FrameRow:
+    """Average every figure over the frames where it could be measured."""
+    means = {}
+    for name in rows[0]:
+        known = [row[name] for row in rows if math.isfinite(row[name])]
+        means[name] = float(np.mean(known)) if known else math.nan
+    return means
+
+
+def _flicker(previous: tuple[StereoPair, RefinementResult] | None,
+             current: tuple[StereoPair, RefinementResult]) -> FrameRow:
+    row = {'temporal_noise_preliminary': math.nan, 'temporal_noise_refined': math.nan,
+           'unchanged_ratio': math.nan}
+    if previous is None or previous[0].left.shape != current[0].left.shape:
+        return row
+    (old_pair, old), (pair, new) = previous, current
+    counted = unchanged_pixels(old_pair.left, pair.left)
+    # The same pixels for both maps: filling holes is neither punished nor praised here.
+    counted &= old.preliminary.valid & new.preliminary.valid
+    row['unchanged_ratio'] = float(np.count_nonzero(counted)) / counted.size
+    row['temporal_noise_preliminary'] = temporal_noise(
+        old.preliminary.values, new.preliminary.values, counted)
+    row['temporal_noise_refined'] = temporal_noise(
+        old.disparity.values, new.disparity.values, counted)
+    return row
