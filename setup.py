@@ -37,8 +37,6 @@ setup(
     name=NAME,
     version=_manifest('version'),
     description=_manifest('description'),
-    long_description=(HERE / 'README.md').read_text(encoding='utf-8'),
-    long_description_content_type='text/markdown',
     maintainer=_manifest('maintainer'),
     maintainer_email=MANIFEST.find('maintainer').attrib['email'],
     license=_manifest('license'),
@@ -54,7 +52,7 @@ setup(
     # No ROS package here: apt's ROS has no pip names (a pip-only machine: requirements/ros.txt).
     install_requires=[
         'setuptools', 'numpy>=1.26', 'opencv-python-headless>=4.6', 'numba', 'pyyaml'],
-    extras_require={'bag': ['rosbags'], 'demo': ['rich']},
+    extras_require={'bag': ['rosbags'], 'demo': ['rich'], 'test': ['pytest']},
     zip_safe=False,
     entry_points={
         'console_scripts': [
