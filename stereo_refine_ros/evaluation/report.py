@@ -133,8 +133,8 @@ def _legend(outcome: Outcome) -> str:
 
 
 def _bar(gradient: str, low: str, high: str) -> str:
-    return (f'<span>{low} <i class="bar" style="background:linear-gradient(to right, {gradient})">'
-            f'</i> {high}</span>')
+    style = f'background-image: linear-gradient(to right, {gradient})'
+    return f'<span>{low} <i class="bar" style="{style}"></i> {high}</span>'
 
 
 def _range(outcome: Outcome) -> tuple[float, float]:

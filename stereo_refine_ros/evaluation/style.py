@@ -32,6 +32,7 @@ th:first-child { position: sticky; left: 0; background: Canvas; text-align: left
 .good { color: var(--good); } .worse { color: var(--worse); } .same { font-weight: 400; }
 .legend { display: flex; flex-wrap: wrap; gap: .3rem 1.5rem; font-size: .85rem; }
 .bar { display: inline-block; width: 8rem; height: .8rem; vertical-align: middle;
+  background-origin: border-box;
   border: 1px solid var(--line); }
 summary { cursor: pointer; padding: .4rem 0; font-weight: 600; }
 .pictures { display: grid; gap: .5rem;
