@@ -32,7 +32,7 @@ from stereo_refine_ros.evaluation.progress import Progress
 from stereo_refine_ros.evaluation.runner import evaluate_scene, Outcome, Plan, Row
 from stereo_refine_ros.evaluation.tables import (
     format_number, markdown_table, V2_REGIONS, V2_SCENES, v2_average)
-from stereo_refine_ros.params import MATCHERS, PRESETS
+from stereo_refine_ros.params import FILTERS, MATCHERS, PRESETS, PROJECTIONS
 from stereo_refine_ros.quality.disparity_errors import bad_percent
 from stereo_refine_ros.quality.filling import fill_from_background
 from stereo_refine_ros.types import FloatMap
@@ -63,8 +63,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Print the tables; return 1 where `--check` found a worse map."""
     args = _parser().parse_args(argv)
     names = args.scenes or list_scenes(args.data)
-    plans = {seed: Plan(args.preset, {'planes.seed': seed}, args.matching, args.filters,
-                        args.projection, repeat=1) for seed in args.seeds}
+    plans = {seed: Plan(args.preset, {'planes.seed': seed}, args.matching,
+                        [args.filter] if args.filter else (),
+                        [args.projection] if args.projection else (), repeat=1) for seed in args.seeds}
     scenes = [load_scene(name, args.data) for name in names]
     entries: dict[int, list[Entry]] = {seed: [] for seed in plans}
     with Progress(len(plans) * len(scenes) * len(args.matching)) as progress:
@@ -183,8 +184,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--preset', default='accurate', choices=PRESETS)
     parser.add_argument('--matching', type=_names,
                         default=tuple(name for name in MATCHERS if name != 'external'))
-    parser.add_argument('--filters', type=_names, default=(), help="default: the preset's")
-    parser.add_argument('--projection', type=_names, default=(), help="default: the preset's")
+    parser.add_argument('--filter', choices=FILTERS, help="default: the preset's")
+    parser.add_argument('--projection', choices=PROJECTIONS, help="default: the preset's")
     parser.add_argument('--seeds', type=lambda text: [int(part) for part in text.split(',')],
                         default=[0], help='comma-separated seeds of the plane hypotheses')
     parser.add_argument('--check', action='store_true',
