@@ -63,9 +63,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Print the tables; return 1 where `--check` found a worse map."""
     args = _parser().parse_args(argv)
     names = args.scenes or list_scenes(args.data)
-    plans = {seed: Plan(args.preset, {'planes.seed': seed}, args.matching,
-                        [args.filter] if args.filter else (),
-                        [args.projection] if args.projection else (), repeat=1) for seed in args.seeds}
+    filters = (args.filter,) if args.filter else ()
+    projections = (args.projection,) if args.projection else ()
+    plans = {seed: Plan(args.preset, {'planes.seed': seed}, args.matching, filters, projections,
+                        repeat=1) for seed in args.seeds}
     scenes = [load_scene(name, args.data) for name in names]
     entries: dict[int, list[Entry]] = {seed: [] for seed in plans}
     with Progress(len(plans) * len(scenes) * len(args.matching)) as progress:
