@@ -60,6 +60,10 @@ class MatchingParams:
     method: str = _choice('sgbm', MATCHERS, 'matcher that makes the preliminary disparity')
     min_disparity: int = _integer(0, -2048, 2048, 'px', 'smallest disparity searched')
     num_disparities: int = _integer(64, 1, 2048, 'px', 'number of disparities searched')
+    nonlocal_refinement: bool = _flag(
+        True, 'segment_tree, non_local: spread the stable disparities over the tree (Yang 2012)')
+    second_pass: bool = _flag(
+        False, 'segment_tree, non_local: aggregate again on a tree of colour and disparity (ST-2)')
 
 
 @dataclass(frozen=True)

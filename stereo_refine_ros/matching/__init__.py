@@ -15,7 +15,7 @@
 """
 Steps 1-3: matching cost, aggregation, disparity selection.
 
-Every matcher is a function `match(pair, params) -> Match`, chosen by name from `MATCHERS`.
+Every matcher is a function `match(pair, params, threads) -> Match`, chosen by name from `MATCHERS`.
 """
 
 from __future__ import annotations
@@ -24,20 +24,23 @@ from collections.abc import Callable
 
 from stereo_refine_ros.matching.opencv_matchers import match_sgbm
 from stereo_refine_ros.matching.match import Match
+from stereo_refine_ros.matching.tree_matchers import match_non_local, match_segment_tree
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.types import StereoPair
 
-Matcher = Callable[[StereoPair, MatchingParams], Match]
+Matcher = Callable[[StereoPair, MatchingParams, int], Match]
 
 MATCHERS: dict[str, Matcher] = {
     'sgbm': match_sgbm,
+    'segment_tree': match_segment_tree,
+    'non_local': match_non_local,
 }
 
 
-def compute_match(pair: StereoPair, params: MatchingParams) -> Match:
+def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
     """Run the matcher that `params.method` names; raise ValueError listing the valid ones."""
     if pair.right is None:
         raise ValueError(f'matching.method {params.method}: needs the right image')
     if params.method not in MATCHERS:
         raise ValueError(f'matching.method: {params.method!r} is none of {", ".join(MATCHERS)}')
-    return MATCHERS[params.method](pair, params)
+    return MATCHERS[params.method](pair, params, threads)

@@ -26,7 +26,7 @@ from stereo_refine_ros.types import DisparityMap, FloatMap, StereoPair
 _BLOCK_SIZE = 5
 
 
-def match_sgbm(pair: StereoPair, params: MatchingParams) -> Match:
+def match_sgbm(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
     """
     Match with OpenCV's three-way semi-global matcher.
 

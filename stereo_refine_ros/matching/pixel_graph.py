@@ -63,22 +63,30 @@ def edge_weights(image: Image, directions: int = 2) -> NDArray[np.uint8]:
     return weights
 
 
-def sort_edges(weights: NDArray[np.uint8]) -> IndexArray:
+def sort_edges(weights: NDArray[np.uint8], codes: IndexArray | None = None) -> IndexArray:
     """
-    Sort the edges by weight in linear time; equal weights keep the order of their codes.
+    Sort edges by weight in linear time; equal weights keep their order.
+
+    Many edges have equal weights, and their order shapes the trees that are grown from them.
 
     Parameters
     ----------
     weights : uint8 ndarray of shape (H, W, K)
+    codes : int32 ndarray of shape (E,), optional
+        The edges to sort; if not given, all edges to the right, then all downward ones, and
+        so on through the directions.
 
     Returns
     -------
-    int32 ndarray of shape (number of edges,)
+    int32 ndarray of shape (E,)
         Edge codes in ascending order of weight.
 
     """
-    height, width, directions = weights.shape
-    return _sort_kernel(weights, _STEPS[:directions], count_edges(height, width, directions))
+    if codes is None:
+        height, width, directions = weights.shape
+        codes = np.empty(count_edges(height, width, directions), np.int32)
+        _list_kernel(height, width, _STEPS[:directions], codes)
+    return _sort_kernel(weights.reshape(-1), codes)
 
 
 def count_edges(height: int, width: int, directions: int = 2) -> int:
@@ -111,22 +119,26 @@ def _weights_kernel(image, steps, weights):
 
 
 @njit(cache=True, nogil=True)
-def _sort_kernel(weights, steps, count):
-    height, width, directions = weights.shape
-    starts = np.zeros(257, np.int64)
-    for y in range(height):
-        for x in range(width):
-            for k in range(directions):
+def _list_kernel(height, width, steps, codes):
+    count = 0
+    for k in range(steps.shape[0]):
+        for y in range(height):
+            for x in range(width):
                 if _is_inside(y + steps[k, 0], x + steps[k, 1], height, width):
-                    starts[np.int64(weights[y, x, k]) + 1] += 1
+                    codes[count] = (y * width + x) * steps.shape[0] + k
+                    count += 1
+
+
+@njit(cache=True, nogil=True)
+def _sort_kernel(weights, codes):
+    starts = np.zeros(257, np.int64)
+    for code in codes:
+        starts[np.int64(weights[code]) + 1] += 1
     for value in range(256):
         starts[value + 1] += starts[value]
-    order = np.empty(count, np.int32)
-    for y in range(height):
-        for x in range(width):
-            for k in range(directions):
-                if _is_inside(y + steps[k, 0], x + steps[k, 1], height, width):
-                    weight = np.int64(weights[y, x, k])
-                    order[starts[weight]] = (y * width + x) * directions + k
-                    starts[weight] += 1
+    order = np.empty(codes.size, np.int32)
+    for code in codes:
+        weight = np.int64(weights[code])
+        order[starts[weight]] = code
+        starts[weight] += 1
     return order

@@ -1,0 +1,83 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Left-right consistency of two disparity maps."""
+
+from __future__ import annotations
+
+from numba import njit
+import numpy as np
+from numpy.typing import NDArray
+
+from stereo_refine_ros.types import FloatMap
+
+
+def left_right_check(left: FloatMap, right: FloatMap, tolerance: float) -> NDArray[np.bool_]:
+    """
+    Find the pixels of the left view whose partner in the right view agrees.
+
+    Parameters
+    ----------
+    left, right : float32 ndarray of shape (H, W)
+        Disparities of both views; column x of `left` meets x - d, column x of `right` x + d.
+        NaN is invalid and agrees with nothing.
+    tolerance : float
+        Largest difference, in pixels.
+
+    Returns
+    -------
+    bool ndarray of shape (H, W)
+
+    """
+    if left.shape != right.shape:
+        raise ValueError(f'right: expected shape {left.shape}, got {right.shape}')
+    consistent = np.zeros(left.shape, np.bool_)
+    _check_kernel(left, right, tolerance, consistent)
+    return consistent
+
+
+def right_from_left(left: FloatMap) -> FloatMap:
+    """
+    Move the disparities of the left view to the right view, float32 (H, W).
+
+    Where several meet, the largest stays: it is in front. NaN where none arrives.
+    """
+    right = np.full(left.shape, np.nan, np.float32)
+    _forward_kernel(left, right)
+    return right
+
+
+@njit(cache=True, nogil=True)
+def _check_kernel(left, right, tolerance, consistent):
+    height, width = left.shape
+    for y in range(height):
+        for x in range(width):
+            if np.isnan(left[y, x]):
+                continue
+            partner = int(np.floor(x - left[y, x] + 0.5))
+            if 0 <= partner < width:
+                # A NaN on the right compares as False.
+                consistent[y, x] = abs(left[y, x] - right[y, partner]) <= tolerance
+
+
+@njit(cache=True, nogil=True)
+def _forward_kernel(left, right):
+    height, width = left.shape
+    for y in range(height):
+        for x in range(width):
+            if np.isnan(left[y, x]):
+                continue
+            partner = int(np.floor(x - left[y, x] + 0.5))
+            if 0 <= partner < width and not right[y, partner] > left[y, x]:
+                right[y, partner] = left[y, x]
