@@ -1,0 +1,83 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Geometry of a rectified pair from its two CameraInfo messages."""
+
+from __future__ import annotations
+
+import math
+
+from sensor_msgs.msg import CameraInfo
+
+from stereo_refine_ros.node.conversions import BadMessage
+from stereo_refine_ros.types import StereoGeometry
+
+
+def stereo_geometry(left: CameraInfo, right: CameraInfo, width: int, height: int
+                    ) -> StereoGeometry:
+    """
+    Read focal length, baseline and principal points from the projection matrices P.
+
+    Regions of interest and binning are applied as image_geometry does: the offset is in pixels
+    of the full image and comes off before binning.
+
+    Parameters
+    ----------
+    left : sensor_msgs.msg.CameraInfo
+        Principal point of the left image.
+    right : sensor_msgs.msg.CameraInfo
+        Focal length and baseline are taken from this one.
+    width, height : int
+        Size of the images in pixels.
+
+    Raises
+    ------
+    BadMessage
+        With reason 'camera_info_size', 'focal_length' or 'baseline'.
+
+    """
+    _check_size('left/camera_info', left, width, height)
+    _check_size('right/camera_info', right, width, height)
+    _, _, cx_left, cy = _projection('left/camera_info', left)
+    fx, fy, cx_right, _ = _projection('right/camera_info', right)
+    baseline = -float(right.p[3]) / float(right.p[0])
+    if not math.isfinite(baseline) or baseline <= 0:
+        raise BadMessage(
+            'baseline', f'right/camera_info: baseline -P[3] / P[0] is {baseline:g} m; '
+            'it must be positive (are left and right swapped?)')
+    return StereoGeometry(fx, baseline, cx_left, cy, cx_right, fy)
+
+
+def _projection(name: str, info: CameraInfo) -> tuple[float, float, float, float]:
+    """Return fx, fy, cx, cy in pixels of the image that was sent."""
+    fx, fy = float(info.p[0]), float(info.p[5])
+    cx, cy = float(info.p[2]), float(info.p[6])
+    if not (all(map(math.isfinite, (fx, fy, cx, cy))) and fx > 0 and fy > 0):
+        raise BadMessage(
+            'focal_length', f'{name}: P has fx {fx:g}, fy {fy:g}, cx {cx:g}, cy {cy:g}; '
+            'is the camera calibrated and rectified?')
+    bin_x, bin_y = max(1, info.binning_x), max(1, info.binning_y)
+    return (fx / bin_x, fy / bin_y,
+            (cx - info.roi.x_offset) / bin_x, (cy - info.roi.y_offset) / bin_y)
+
+
+def _check_size(name: str, info: CameraInfo, width: int, height: int) -> None:
+    full = (info.roi.width or info.width, info.roi.height or info.height)
+    if full == (0, 0):
+        return  # some drivers leave the size out
+    binned = (full[0] // max(1, info.binning_x), full[1] // max(1, info.binning_y))
+    if binned != (width, height):
+        raise BadMessage(
+            'camera_info_size',
+            f'{name}: for {binned[0]} x {binned[1]}, the image is {width} x {height}')

@@ -1,0 +1,206 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One frame: messages checked in the callback, pixels decoded in the worker."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
+from stereo_msgs.msg import DisparityImage
+
+from stereo_refine_ros.node.camera import stereo_geometry
+from stereo_refine_ros.node.conversions import (
+    BadMessage, check_image, decode_image, to_grey)
+from stereo_refine_ros.node.disparity_messages import (
+    check_disparity, read_disparity, ReceivedDisparity, resize_disparity)
+from stereo_refine_ros.node.pairing import MessageSet
+from stereo_refine_ros.types import FloatMap, StereoGeometry, StereoPair
+
+LEFT, RIGHT = 'left/image_rect', 'right/image_rect'
+LEFT_INFO, RIGHT_INFO = 'left/camera_info', 'right/camera_info'
+PRELIMINARY, TRUTH = 'preliminary/disparity', 'ground_truth/disparity'
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The newest camera_info of either side, where disparity comes from somebody else."""
+
+    left: CameraInfo | None = None
+    right: CameraInfo | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """
+    Checked messages of one instant.
+
+    Attributes
+    ----------
+    header : std_msgs.msg.Header
+        For every output: of the left camera_info, or of the external disparity.
+    geometry : StereoGeometry or None
+        None where it has to come from the external disparity itself.
+    left, right, preliminary, truth : messages, or None where the frame has none
+
+    """
+
+    header: Header
+    geometry: StereoGeometry | None
+    left: Image
+    right: Image | None = None
+    preliminary: DisparityImage | None = None
+    truth: DisparityImage | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class DecodedFrame:
+    """
+    Pixels and numbers of one instant.
+
+    Attributes
+    ----------
+    pair : StereoPair
+    geometry : StereoGeometry
+    has_principal_point : bool
+        False where no camera_info came: depth is right, points are unknown.
+    preliminary : float32 ndarray of shape (H, W), or None
+        Differences of image columns, NaN invalid.
+    search_range : (int, int) or None
+        Smallest disparity and number of disparities that the external matcher declared.
+    rescaled : bool
+        The external disparity had another size than the image.
+
+    """
+
+    pair: StereoPair
+    geometry: StereoGeometry
+    has_principal_point: bool = True
+    preliminary: FloatMap | None = None
+    search_range: tuple[int, int] | None = None
+    rescaled: bool = False
+
+
+def check_frame(found: MessageSet, calibration: Calibration) -> Frame:
+    """
+    Check a set of messages without touching pixels.
+
+    Raises
+    ------
+    BadMessage
+        Saying which message is wrong and why.
+
+    """
+    messages = found.messages
+    left, right = messages[LEFT], messages.get(RIGHT)
+    check_image(LEFT, left)
+    if right is not None:
+        check_image(RIGHT, right)
+        _check_same_size(left, right)
+    if PRELIMINARY in messages:
+        preliminary = messages[PRELIMINARY]
+        check_disparity(PRELIMINARY, preliminary)
+        return Frame(preliminary.header, _calibrated(calibration, left), left, right,
+                     preliminary, messages.get(TRUTH))
+    left_info = messages[LEFT_INFO]
+    geometry = stereo_geometry(left_info, messages[RIGHT_INFO], left.width, left.height)
+    return Frame(left_info.header, geometry, left, right, None, messages.get(TRUTH))
+
+
+def decode_frame(frame: Frame) -> DecodedFrame:
+    """Decode the pixels of a checked frame."""
+    left = decode_image(LEFT, frame.left)
+    right = None if frame.right is None else decode_image(RIGHT, frame.right)
+    if right is not None and left.ndim != right.ndim:
+        left, right = to_grey(left), to_grey(right)
+    pair = StereoPair(left, right)
+    if frame.preliminary is not None:
+        return _with_preliminary(frame, frame.preliminary, pair)
+    assert frame.geometry is not None
+    return DecodedFrame(pair, frame.geometry)
+
+
+def decode_truth(frame: Frame, geometry: StereoGeometry) -> tuple[
+        FloatMap | None, float | None]:
+    """
+    Decode the ground truth of a frame, if it has one that fits.
+
+    Returns
+    -------
+    truth : float32 ndarray of shape (H, W), or None
+        Differences of image columns, NaN unknown.
+    scale : float or None
+        Grey levels per pixel of the data set's 8-bit maps: 1 / delta_d where that keeps the
+        declared range within 8 bits, else None.
+
+    """
+    if frame.truth is None:
+        return None, None
+    received = read_disparity(TRUTH, frame.truth)
+    if received.values.shape != (frame.left.height, frame.left.width):
+        raise BadMessage(
+            'truth', f'{TRUTH}: shape {received.values.shape}, the image has '
+            f'{(frame.left.height, frame.left.width)}')
+    scale = None
+    if received.delta_d > 0 and received.max_disparity / received.delta_d <= 256:
+        scale = 1.0 / received.delta_d
+    return received.values - received.values.dtype.type(geometry.doffs_px), scale
+
+
+def _with_preliminary(frame: Frame, message: DisparityImage, pair: StereoPair
+                      ) -> DecodedFrame:
+    received = read_disparity(PRELIMINARY, message)
+    height, width = pair.shape
+    ratio = width / received.values.shape[1]
+    geometry = frame.geometry or _declared_geometry(received, ratio, width, height)
+    values = resize_disparity(received.values, width, height)
+    doffs = geometry.doffs_px
+    return DecodedFrame(
+        pair, geometry, frame.geometry is not None, values - values.dtype.type(doffs),
+        _search_range(received, ratio, doffs), received.values.shape != (height, width))
+
+
+def _search_range(received: ReceivedDisparity, ratio: float, doffs: float
+                  ) -> tuple[int, int] | None:
+    if not received.has_range:
+        return None
+    low = math.floor(received.min_disparity * ratio - doffs + 1e-3)
+    high = math.ceil(received.max_disparity * ratio - doffs - 1e-3)
+    return low, high - low + 1
+
+
+def _declared_geometry(received: ReceivedDisparity, ratio: float, width: int, height: int
+                       ) -> StereoGeometry:
+    if not (math.isfinite(received.focal_px) and math.isfinite(received.baseline_m)):
+        raise BadMessage(
+            'focal_length', f'{PRELIMINARY}: no usable f and t, and no camera_info came')
+    cx = (width - 1) / 2.0
+    return StereoGeometry(
+        received.focal_px * ratio, received.baseline_m, cx, (height - 1) / 2.0, cx)
+
+
+def _calibrated(calibration: Calibration, left: Image) -> StereoGeometry | None:
+    if calibration.left is None or calibration.right is None:
+        return None
+    return stereo_geometry(calibration.left, calibration.right, left.width, left.height)
+
+
+def _check_same_size(left: Image, right: Image) -> None:
+    if (left.width, left.height) != (right.width, right.height):
+        raise BadMessage(
+            'size_differs', f'left image is {left.width} x {left.height}, '
+            f'right image {right.width} x {right.height}')

@@ -1,0 +1,150 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the node listens to: subscriptions only while they are needed, paired by stamp."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+import time
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import CameraInfo, Image
+from stereo_msgs.msg import DisparityImage
+
+from stereo_refine_ros.node.frame import (
+    Calibration, LEFT, LEFT_INFO, PRELIMINARY, RIGHT, RIGHT_INFO, TRUTH)
+from stereo_refine_ros.node.pairing import MessageSet, Pairing
+from stereo_refine_ros.params import Params
+
+TYPES: dict[str, type] = {
+    LEFT: Image, RIGHT: Image, LEFT_INFO: CameraInfo, RIGHT_INFO: CameraInfo,
+    PRELIMINARY: DisparityImage, TRUTH: DisparityImage}
+SILENT_S = 2.0
+
+
+class Inputs:
+    """
+    Subscriptions and pairing; used by the executor's thread alone.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    params : Params
+    on_set : callable of MessageSet and Calibration
+        Called for every complete set.
+    on_incompatible : callable of str
+        Told the topic of a publisher whose QoS does not fit.
+
+    """
+
+    def __init__(self, node: Node, params: Params,
+                 on_set: Callable[[MessageSet, Calibration], None],
+                 on_incompatible: Callable[[str], None]) -> None:
+        """Listen to nothing yet."""
+        self._node = node
+        self._on_set = on_set
+        self._on_incompatible = on_incompatible
+        self._subscriptions: dict[str, Subscription] = {}
+        self._calibration = Calibration()
+        self._unmatched_before = 0
+        self._listening_since = 0.0
+        self.configure(params)
+
+    @property
+    def listening(self) -> bool:
+        """Whether there are subscriptions."""
+        return bool(self._subscriptions)
+
+    @property
+    def unmatched(self) -> int:
+        """Instants for which some topic delivered and another did not, since the start."""
+        return self._unmatched_before + self.pairing.unmatched
+
+    def configure(self, params: Params) -> None:
+        """Start a new pairing as the parameters ask."""
+        if hasattr(self, 'pairing'):
+            self._unmatched_before += self.pairing.unmatched
+        self._external = params.matching.method == 'external'
+        required = (LEFT, PRELIMINARY) if self._external else (
+            LEFT, RIGHT, LEFT_INFO, RIGHT_INFO)
+        optional = (RIGHT, TRUTH) if self._external else (TRUTH,)
+        slop_ns = round(params.sync.slop * 1e9) if params.sync.approximate else 0
+        self.pairing = Pairing(required, optional, slop_ns, params.sync.queue_size)
+        self._listening_since = time.monotonic()
+
+    def listen(self, wanted: bool, with_truth: bool) -> None:
+        """Subscribe to what is needed now and to nothing else."""
+        needed: set[str] = set()
+        if wanted:
+            needed = {*self.pairing.required, *self.pairing.optional, LEFT_INFO, RIGHT_INFO}
+            needed -= set() if with_truth else {TRUTH}
+        for topic in set(self._subscriptions) - needed:
+            self._node.destroy_subscription(self._subscriptions.pop(topic))
+        if wanted and not self._subscriptions:
+            self._listening_since = time.monotonic()
+        for topic in sorted(needed - set(self._subscriptions)):
+            self._subscriptions[topic] = self._subscribe(topic)
+
+    def release(self) -> None:
+        """Hand on a set that has waited long enough for its optional messages."""
+        self._emit(self.pairing.release(time.monotonic()))
+
+    def silent_topics(self) -> list[str]:
+        """Name the required topics that delivered nothing for `SILENT_S`."""
+        now = time.monotonic()
+        if not self.listening or now - self._listening_since < SILENT_S:
+            return []
+        return [name for name in self.pairing.required
+                if now - (self.pairing.topics[name].last_arrival or 0.0) > SILENT_S]
+
+    def _subscribe(self, topic: str) -> Subscription:
+        def create(events: SubscriptionEventCallbacks | None) -> Subscription:
+            profile = QoSProfile(
+                depth=qos_profile_sensor_data.depth,
+                reliability=qos_profile_sensor_data.reliability)
+            return self._node.create_subscription(
+                TYPES[topic], topic, lambda message: self._receive(topic, message), profile,
+                event_callbacks=events,
+                qos_overriding_options=QoSOverridingOptions.with_default_policies())
+        try:
+            return create(SubscriptionEventCallbacks(
+                incompatible_qos=lambda _: self._on_incompatible(topic),
+                matched=lambda status: self._matched(topic, status.current_count)))
+        except UnsupportedEventTypeError:
+            return create(None)
+
+    def _matched(self, topic: str, publishers: int) -> None:
+        if publishers > 0 and topic in self.pairing.optional:
+            self.pairing.expect(topic, time.monotonic())
+
+    def _receive(self, topic: str, message: Any) -> None:
+        if self._external and topic == LEFT_INFO:
+            self._calibration = replace(self._calibration, left=message)
+        elif self._external and topic == RIGHT_INFO:
+            self._calibration = replace(self._calibration, right=message)
+        elif topic in self.pairing.topics:
+            stamp = message.header.stamp
+            stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+            self._emit(self.pairing.add(topic, stamp_ns, message, time.monotonic()))
+
+    def _emit(self, ready: list[MessageSet]) -> None:
+        for found in ready:
+            self._on_set(found, self._calibration)

@@ -1,0 +1,112 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+`refine_node`: the live node (`ros2 run stereo_refine_ros refine_node`).
+
+Signals are blocked before anything heavy is imported and taken by one thread, so that SIGINT or
+SIGTERM, once or many times, at any stage, ends the process cleanly and without a traceback.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import signal
+import sys
+import threading
+import time
+from typing import Any
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_LAST_RESORT_S = 1.5  # a process that has not ended by then is ended without more ado
+_WORKER_S = 0.3
+
+
+class Stop:
+    """Wait for a signal in a thread and tell the node's loop."""
+
+    def __init__(self) -> None:
+        """Block the signals in this and every later thread, and start to wait for them."""
+        signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+        self.requested = threading.Event()
+        self.executor: Any = None
+        threading.Thread(target=self._wait, name='signals', daemon=True).start()
+
+    def _wait(self) -> None:
+        signal.sigwait(_SIGNALS)
+        self.requested.set()
+        if self.executor is not None:
+            self.executor.wake()
+        time.sleep(_LAST_RESORT_S)
+        os._exit(0)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node until a signal comes; return the exit code."""
+    stop = Stop()
+    _use_writable_cache()
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    from stereo_refine_ros.node.refine_node import RefineNode
+    if stop.requested.is_set():
+        return 0
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = RefineNode()
+    except Exception as error:  # parameters or QoS overrides that cannot be used
+        rclpy.logging.get_logger('refine_node').fatal(f'{type(error).__name__}: {error}')
+        rclpy.try_shutdown()
+        return 1
+    _spin(node, stop)
+    has_ended = node.stop(_WORKER_S)
+    node.destroy_node()
+    rclpy.try_shutdown()
+    if not has_ended:
+        _exit_at_once()
+    return 0
+
+
+def _spin(node: Any, stop: Stop) -> None:
+    """Serve callbacks until a signal comes; what the middleware raises is logged, no more."""
+    from rclpy.executors import SingleThreadedExecutor
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    stop.executor = executor
+    while not stop.requested.is_set():
+        try:
+            executor.spin_once()
+        except Exception as error:  # for example a string in a message that is not UTF-8
+            node.get_logger().warning(
+                f'message dropped: {type(error).__name__}: {error}', throttle_duration_sec=10)
+    executor.shutdown(timeout_sec=0.1)
+
+
+def _use_writable_cache() -> None:
+    """Let numba cache its kernels in the user's cache where the package is not writable."""
+    if not os.access(Path(__file__).parent, os.W_OK):
+        cache = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')
+        os.environ.setdefault('NUMBA_CACHE_DIR', str(cache / 'stereo_refine_ros' / 'numba'))
+
+
+def _exit_at_once() -> None:
+    """End without waiting for a kernel that still runs; everything else is closed."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
