@@ -1,0 +1,80 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Colours mean what the legend says."""
+
+import base64
+import re
+
+import cv2
+import numpy as np
+
+from stereo_refine_ros.evaluation.pictures import (
+    color_disparity, color_error, data_uri, disparity_gradient, draw_segments, error_gradient)
+from stereo_refine_ros.types import PlaneSegmentation
+
+VIOLET, YELLOW = [84, 1, 68], [36, 231, 253]  # the ends of viridis, BGR
+
+
+def test_disparity_colours_span_the_range_and_holes_are_black():
+    values = np.array([[5, 10, 0, 40, np.nan]], np.float32)
+    picture = color_disparity(values, 5, 10)
+    expected = [VIOLET, YELLOW, VIOLET, YELLOW, [0, 0, 0]]
+    np.testing.assert_allclose(picture[0], expected, atol=1)  # OpenCV rounds its ends by version
+    np.testing.assert_array_equal(picture[0, 4], 0)
+
+
+def test_disparity_colours_of_a_flat_scene():
+    picture = color_disparity(np.full((1, 1), 7, np.float32), 7, 7)
+    np.testing.assert_allclose(picture[0, 0], VIOLET, atol=1)
+
+
+def test_error_colours():
+    truth = np.array([[10, 10, 10, 10, np.nan]], np.float32)
+    values = np.array([[10, 14, 3, np.nan, 9]], np.float32)
+    picture = color_error(values, truth)
+    np.testing.assert_array_equal(
+        picture[0], [[245, 247, 247], [0, 0, 127], [0, 0, 127], [0, 0, 0], [128, 128, 128]])
+
+
+def test_segments_of_one_plane_look_alike_and_boundaries_are_white():
+    labels = np.repeat(np.arange(4, dtype=np.int32), 6)[None].repeat(8, axis=0)
+    planes = np.array([[0, 0, 5.0], [0, 0, 5], [0, 0.1, 2], [np.nan] * 3])
+    segments = PlaneSegmentation(
+        labels, planes, np.isfinite(planes[:, 0]), np.ones(4, np.float32))
+    left = np.full((8, 24, 3), 100, np.uint8)
+    row = draw_segments(left, segments)[4]
+    np.testing.assert_array_equal(row[0], row[6])
+    np.testing.assert_array_equal(row[7], row[11])
+    np.testing.assert_array_equal(row[[12, 18]], 255)
+    assert (row[13] != row[0]).any()
+    assert row[20, 0] == row[20, 1] == row[20, 2]
+    assert len(set(row[13].tolist())) > 1
+
+
+def test_picture_survives_its_encoding():
+    picture = cv2.resize(np.array([[0, 255], [128, 40]], np.uint8), (64, 64))
+    picture = np.repeat(picture[..., None], 3, axis=2)
+    kind, _, encoded = data_uri(picture).partition(',')
+    assert kind == 'data:image/webp;base64'
+    back = cv2.imdecode(np.frombuffer(base64.b64decode(encoded), np.uint8), cv2.IMREAD_COLOR)
+    assert np.abs(back.astype(int) - picture).mean() < 3
+
+
+def test_colour_bars_start_and_end_like_the_colours():
+    stops = re.findall(r'rgb\((\d+), (\d+), (\d+)\)', disparity_gradient())
+    assert len(stops) == 9
+    np.testing.assert_allclose(np.array(stops[0], int), VIOLET[::-1], atol=1)
+    np.testing.assert_allclose(np.array(stops[-1], int), YELLOW[::-1], atol=1)
+    assert error_gradient().startswith('rgb(247, 247, 245)')
