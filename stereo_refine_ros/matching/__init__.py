@@ -15,7 +15,8 @@
 """
 Steps 1-3: matching cost, aggregation, disparity selection.
 
-Every matcher is a function `match(pair, params, threads) -> Match`, chosen by name from `MATCHERS`.
+Every matcher is a function `match(pair, params, threads) -> Match`, chosen by name from
+`MATCHERS`.
 """
 
 from __future__ import annotations

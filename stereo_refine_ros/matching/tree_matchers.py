@@ -69,6 +69,7 @@ def _match_on_tree(pair: StereoPair, params: MatchingParams, build: TreeBuilder,
     case, `cost` the aggregated cost of the left view, `right` the winners of the right view.
     """
     left, right = _aggregate_views(pair, params, build, threads)
+    colour_tree = left.tree
     if params.second_pass:
         left, right = _aggregate_views(pair, params, build, threads, (left, right))
     stable = left_right_check(left.winners, right.winners, 0.0)
@@ -80,7 +81,7 @@ def _match_on_tree(pair: StereoPair, params: MatchingParams, build: TreeBuilder,
     values = subpixel
     if params.nonlocal_refinement:
         refined = spread_over_tree(
-            np.where(stable, left.winners, np.float32(np.nan)), left.tree, params.min_disparity,
+            np.where(stable, left.winners, np.float32(np.nan)), colour_tree, params.min_disparity,
             params.num_disparities, TREE_SIGMA / 2, threads=threads)
         values = cv2.medianBlur(refined, _MEDIAN)
     disparity = DisparityMap(values, params.min_disparity, params.num_disparities)
@@ -109,9 +110,13 @@ def _aggregate_view(base: Image, other: Image, is_left: bool, guide: FloatMap | 
 
 
 def _mix(colour: Weights, disparity: FloatMap, num_disparities: int) -> Weights:
-    """Weigh edges by 0.5 colour + 0.5 |dd| / D: the second pass of the segment tree (ST-2)."""
+    """
+    Weigh edges by colour + 255 |dd| / D: the second pass of the segment tree (ST-2).
+
+    Its authors halve both terms; here colour keeps its scale, and with it sigma its meaning.
+    """
     jump = np.zeros(colour.shape, np.float32)
     jump[:, :-1, 0] = np.abs(np.diff(disparity, axis=1))
     jump[:-1, :, 1] = np.abs(np.diff(disparity, axis=0))
-    mixed = 0.5 * colour + jump * np.float32(0.5 * 255 / num_disparities)
+    mixed = colour + jump * np.float32(255 / num_disparities)
     return np.minimum(np.rint(mixed), 255).astype(np.uint8)
