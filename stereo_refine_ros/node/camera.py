@@ -20,7 +20,7 @@ import math
 
 from sensor_msgs.msg import CameraInfo
 
-from stereo_refine_ros.node.conversions import BadMessage
+from stereo_refine_ros.encodings import BadMessage
 from stereo_refine_ros.types import StereoGeometry
 
 

@@ -19,17 +19,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+import cv2
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
+from stereo_refine_ros.encodings import BadMessage, check_image, decode_image
 from stereo_refine_ros.node.camera import stereo_geometry
-from stereo_refine_ros.node.conversions import (
-    BadMessage, check_image, decode_image, to_grey)
 from stereo_refine_ros.node.disparity_messages import (
     check_disparity, read_disparity, ReceivedDisparity, resize_disparity)
 from stereo_refine_ros.node.pairing import MessageSet
-from stereo_refine_ros.types import FloatMap, StereoGeometry, StereoPair
+from stereo_refine_ros.types import FloatMap, Image as Pixels, StereoGeometry, StereoPair
 
 LEFT, RIGHT = 'left/image_rect', 'right/image_rect'
 LEFT_INFO, RIGHT_INFO = 'left/camera_info', 'right/camera_info'
@@ -126,7 +126,7 @@ def decode_frame(frame: Frame) -> DecodedFrame:
     left = decode_image(LEFT, frame.left)
     right = None if frame.right is None else decode_image(RIGHT, frame.right)
     if right is not None and left.ndim != right.ndim:
-        left, right = to_grey(left), to_grey(right)
+        left, right = _to_grey(left), _to_grey(right)
     pair = StereoPair(left, right)
     if frame.preliminary is not None:
         return _with_preliminary(frame, frame.preliminary, pair)
@@ -197,6 +197,12 @@ def _calibrated(calibration: Calibration, left: Image) -> StereoGeometry | None:
     if calibration.left is None or calibration.right is None:
         return None
     return stereo_geometry(calibration.left, calibration.right, left.width, left.height)
+
+
+def _to_grey(pixels: Pixels) -> Pixels:
+    if pixels.ndim == 2:
+        return pixels
+    return cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY).reshape(pixels.shape[:2])
 
 
 def _check_same_size(left: Image, right: Image) -> None:

@@ -26,8 +26,8 @@ import cv2
 import numpy as np
 from std_msgs.msg import Header
 
+from stereo_refine_ros.encodings import BadMessage
 from stereo_refine_ros.matching import compute_match
-from stereo_refine_ros.node.conversions import BadMessage
 from stereo_refine_ros.node.disparity_messages import disparity_message
 from stereo_refine_ros.node.frame import decode_frame, decode_truth, DecodedFrame, Frame
 from stereo_refine_ros.node.ledger import Ledger

@@ -26,7 +26,7 @@ from rclpy.node import Node
 from rclpy.time import Time
 from std_msgs.msg import Header
 
-from stereo_refine_ros.node.conversions import BadMessage
+from stereo_refine_ros.encodings import BadMessage
 from stereo_refine_ros.node.diagnostics import (
     ADVICE, describe_lag, diagnostic_array, diagnostic_status, Health)
 from stereo_refine_ros.node.frame import Calibration, check_frame, Frame

@@ -169,7 +169,8 @@ class Client:
         before = [len(self.received[topic]) for topic in topics]
         self.send(messages)
         self.until(lambda: all(len(self.received[topic]) > count
-                               for topic, count in zip(topics, before)), timeout_s,
+                               for topic, count in zip(topics, before, strict=True)),
+                   timeout_s,
                    f'an answer on {topics}')
         return [self.received[topic][-1] for topic in topics]
 
@@ -194,7 +195,7 @@ class Client:
         values = self.call(
             GetParameters, 'get_parameters', GetParameters.Request(names=list(names))).values
         return [Parameter.from_parameter_msg(ParameterMsg(name=name, value=value)).value
-                for name, value in zip(names, values)]
+                for name, value in zip(names, values, strict=True)]
 
     def describe(self, *names: str) -> list:
         return self.call(DescribeParameters, 'describe_parameters',
