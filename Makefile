@@ -18,6 +18,7 @@ TEST_STAMP := $(VENV)/.test-$(KIND)
 LINT_STAMP := $(VENV)/.lint-$(KIND)
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
+OLDEST_PIP := $(OLDEST_VENV)/bin/python -m pip --disable-pip-version-check install --quiet
 
 # Tests of the kernels: run compiled with all others, and once more as plain Python.
 KERNEL_TESTS := test/matching test/refinement test/quality
@@ -49,12 +50,13 @@ test-oldest: $(OLDEST_VENV)/.installed
 
 lint: $(LINT_STAMP)
 	$(BIN)/python -m ruff check .
-	$(BIN)/python -m flake8 --select I --import-order-style google \
-		--application-import-names stereo_refine_ros stereo_refine_ros test benchmarks scripts launch setup.py
+	$(BIN)/python -m flake8 --select I --extend-ignore I202 --import-order-style google \
+		stereo_refine_ros test benchmarks scripts launch setup.py
 	$(BIN)/python -m mypy
 
 bench: $(TEST_STAMP) $(CONTRIB_VENV)/.installed
-	$(BIN)/python benchmarks/speed.py --contrib-python $(CONTRIB_VENV)/bin/python
+	$(BIN)/python benchmarks/speed.py --contrib-python $(CONTRIB_VENV)/bin/python \
+		--plot docs/speed.svg
 
 bench-live: $(TEST_STAMP)
 	$(BIN)/python benchmarks/live.py
@@ -65,10 +67,11 @@ tables: $(RUN_STAMP)
 $(BIN)/python:
 	$(PYTHON) -m venv $(if $(ROS),--system-site-packages) $(VENV)
 
-$(RUN_STAMP): $(RUN_LOCKS) setup.py package.xml pyproject.toml | $(BIN)/python
+$(RUN_STAMP): requirements/build.txt $(RUN_LOCKS) setup.py package.xml pyproject.toml | $(BIN)/python
 	@echo 'Installing into $(VENV) ($(if $(ROS),with ROS 2 $(ROS_DISTRO) as sourced,with ROS 2 Jazzy from PyPI)); the first time takes a minute'
-	$(PIP) $(RUN_LOCKS:%=-r %)
-	$(PIP) --no-deps --no-build-isolation --editable .
+	$(PIP) -r requirements/build.txt
+	$(PIP) --no-build-isolation $(RUN_LOCKS:%=-r %)
+	$(PIP) --no-build-isolation --no-deps --editable .
 	@touch $@
 
 $(TEST_STAMP): $(TEST_LOCKS) $(RUN_STAMP)
@@ -81,24 +84,26 @@ $(LINT_STAMP): requirements/lint.txt $(TEST_STAMP)
 
 $(CONTRIB_VENV)/.installed: requirements/contrib.txt
 	test -x $(CONTRIB_VENV)/bin/python || $(PYTHON) -m venv $(CONTRIB_VENV)
-	$(CONTRIB_VENV)/bin/python -m pip --disable-pip-version-check install --quiet -r $<
+	$(CONTRIB_VENV)/bin/python -m pip --disable-pip-version-check install --quiet --only-binary :all: -r $<
 	@touch $@
 
-$(OLDEST_VENV)/.installed: requirements/oldest.txt setup.py package.xml
+$(OLDEST_VENV)/.installed: requirements/oldest.txt requirements/build.txt setup.py package.xml
 	test -x $(OLDEST_VENV)/bin/python || $(OLDEST_PYTHON) -m venv $(OLDEST_VENV)
-	$(OLDEST_VENV)/bin/python -m pip --disable-pip-version-check install --quiet -r $<
-	$(OLDEST_VENV)/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	$(OLDEST_PIP) -r requirements/build.txt
+	$(OLDEST_PIP) --no-build-isolation -r $<
+	$(OLDEST_PIP) --no-build-isolation --no-deps --editable .
 	@touch $@
 
 UV ?= uv
 COMPILE := $(UV) pip compile --quiet --universal --python-version 3.10 --generate-hashes \
 	--no-header --no-annotate --upgrade
 lock:
-	$(COMPILE) requirements/runtime.in -o requirements/runtime.txt
-	$(COMPILE) requirements/ros.in -c requirements/runtime.txt -o requirements/ros.txt
+	$(COMPILE) requirements/build.in -o requirements/build.txt
+	$(COMPILE) requirements/runtime.in -c requirements/build.txt -o requirements/runtime.txt
+	$(COMPILE) requirements/ros.in -c requirements/build.txt -c requirements/runtime.txt -o requirements/ros.txt
 	$(COMPILE) requirements/dev.in -c requirements/runtime.txt -c requirements/ros.txt -o requirements/dev.txt
 	$(COMPILE) requirements/lint.in -c requirements/dev.txt -o requirements/lint.txt
-	$(COMPILE) requirements/oldest.in -o requirements/oldest.txt
+	$(COMPILE) requirements/oldest.in -c requirements/build.txt -o requirements/oldest.txt
 	$(COMPILE) requirements/contrib.in -o requirements/contrib.txt
 
 clean:

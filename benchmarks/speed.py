@@ -1,0 +1,176 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Speed beside error, beside OpenCV's own methods, all in one run.
+
+Prints Markdown tables and draws the plot of README.md. Times are medians of rounds in which
+every method has its turn; ratios are to OpenCV's SGBM 3-way of the same run. Errors are the
+share of pixels with known truth that are off by more than 1 px, holes filled from the background.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass, field
+import json
+from pathlib import Path
+import subprocess
+import tempfile
+from typing import Any
+
+from cases import Case, CASES, load_case
+import numpy as np
+from opencv_methods import BASE, plain_methods
+from report import growth_table, method_table, plot, stage_table
+from stereo_refine_ros.matching import MATCHERS
+from stereo_refine_ros.params import load_preset, PRESETS
+from stereo_refine_ros.pipeline import StereoRefiner
+from stereo_refine_ros.quality.disparity_errors import bad_percent
+from stereo_refine_ros.quality.filling import fill_from_background
+from stereo_refine_ros.types import RefinementResult
+from timing import quartiles, time_rounds
+
+HERE = Path(__file__).resolve().parent
+
+
+@dataclass
+class Row:
+    """One method on one case: quartiles in ms, ratio to the base, bad-1.0 in percent."""
+
+    scene: str
+    size: str
+    method: str
+    ms: tuple[float, float, float]
+    ratio: float
+    bad: float | None
+    stages: dict[str, list[float]] = field(default_factory=dict)
+
+
+StageLog = dict[str, dict[str, list[float]]]
+
+
+def own_methods(case: Case, matchers: bool, log: StageLog
+                ) -> dict[str, Callable[[], RefinementResult]]:
+    """Return every preset, and the live preset with every other matcher; stages go to `log`."""
+    names = {preset: {'preset': preset} for preset in PRESETS}
+    if matchers:
+        names |= {f'live, {name}': {'preset': 'live', 'matching.method': name}
+                  for name in MATCHERS if name != load_preset('live').matching.method}
+    methods = {}
+    for name, values in names.items():
+        preset = values.pop('preset')
+        refiner = StereoRefiner(load_preset(
+            preset, {**values, 'matching.num_disparities': case.num_disparities}))
+        methods[name] = _logged(refiner, case, log.setdefault(name, {}))
+    return methods
+
+
+def _logged(refiner: StereoRefiner, case: Case, log: dict[str, list[float]]
+            ) -> Callable[[], RefinementResult]:
+    def process() -> RefinementResult:
+        result = refiner.process(case.left, case.right)
+        for stage, ms in result.stage_ms.items():
+            log.setdefault(stage, []).append(ms)
+        return result
+    return process
+
+
+def measure_case(case: Case, options: argparse.Namespace) -> list[Row]:
+    """Time all methods on one pair: ours and OpenCV's here, opencv-contrib's in its process."""
+    views = (case.left, case.right)
+    log: StageLog = {}
+    methods: dict[str, Callable[[], Any]] = {
+        **plain_methods(views, case.num_disparities), **own_methods(case, options.matchers, log)}
+    times, results = time_rounds(methods, options.rounds, options.budget)
+    rows = [_row(case, name, times, results[name], log) for name in methods]
+    if options.contrib_python:
+        times, maps = _contrib(case, options)
+        rows += [_row(case, name, times, maps[name]) for name in times if name != BASE]
+    return rows
+
+
+def _contrib(case: Case, options: argparse.Namespace
+             ) -> tuple[dict[str, list[float]], dict[str, np.ndarray]]:
+    with tempfile.TemporaryDirectory() as folder:
+        pair, output = Path(folder) / 'pair.npz', Path(folder) / 'output.npz'
+        np.savez(pair, left=case.left, right=case.right, num_disparities=case.num_disparities)
+        done = subprocess.run(
+            [options.contrib_python, str(HERE / 'opencv_methods.py'), str(pair), str(output),
+             '--rounds', str(options.rounds), '--budget', str(options.budget)],
+            check=True, stdout=subprocess.PIPE, text=True)
+        return json.loads(done.stdout)['times'], dict(np.load(output))
+
+
+def _row(case: Case, name: str, times: dict[str, list[float]], result: Any,
+         log: StageLog | None = None) -> Row:
+    # The first call compiled the kernels.
+    stages = {stage: ms[1:] for stage, ms in (log or {}).get(name, {}).items()}
+    if isinstance(result, RefinementResult):
+        result = result.disparity.values
+    is_map = result.dtype == np.float32
+    bad = bad_percent(fill_from_background(result), case.truth, 1.0) if is_map else None
+    ratio = quartiles(times[name])[1] / quartiles(times[BASE])[1]
+    return Row(case.scene, case.size, name, quartiles(times[name]), ratio, bad, stages)
+
+
+def measure_growth(options: argparse.Namespace) -> list[Row]:
+    """Time the live preset and the base while the pixels, then the disparities, grow."""
+    sizes = [(320, 240, 64), (640, 480, 64), (960, 720, 64), (1280, 960, 64),
+             (640, 480, 32), (640, 480, 128), (640, 480, 256)]
+    rows = []
+    for width, height, disparities in sizes:
+        case = load_case('venus', width, height, max(disparities, 64))
+        case = Case(case.scene, case.left, case.right, case.truth, disparities)
+        methods: dict[str, Callable[[], Any]] = {
+            BASE: plain_methods((case.left, case.right), disparities)[BASE],
+            'live': own_methods(case, matchers=False, log={})['live']}
+        times, results = time_rounds(methods, options.rounds, options.budget)
+        rows += [_row(case, name, times, results[name]) for name in methods]
+    return rows
+
+
+def parse() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--rounds', type=int, default=15)
+    parser.add_argument('--budget', type=float, default=10.0, help='seconds per method and pair')
+    parser.add_argument('--size', help='only this size, such as 640x480x64')
+    parser.add_argument('--no-matchers', dest='matchers', action='store_false',
+                        help='leave out the live preset with other matchers')
+    parser.add_argument('--no-growth', dest='growth', action='store_false',
+                        help='leave out the growth with pixels and disparities')
+    parser.add_argument('--contrib-python', help='python of an environment with opencv-contrib')
+    parser.add_argument('--plot', type=Path, help='where to draw time against error')
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Measure, print, draw."""
+    options = parse()
+    rows: list[Row] = []
+    for name, width, height, disparities in CASES:
+        if options.size in (None, f'{width}x{height}x{disparities}'):
+            rows += measure_case(load_case(name, width, height, disparities), options)
+    print(method_table(rows))
+    print(stage_table(rows))
+    if options.growth:
+        print(growth_table(measure_growth(options)))
+    if options.plot:
+        plot(rows, options.plot)
+
+
+if __name__ == '__main__':
+    main()
