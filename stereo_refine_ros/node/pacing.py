@@ -29,7 +29,8 @@ from rclpy.qos import QoSProfile
 REPLAY_QOS = QoSProfile(depth=10)
 _POLL_S = 0.02
 _SETTLED_S = 1.0
-_DELIVERY_S = 2.0
+# Acknowledgements may take until Fast DDS's next heartbeat, every three seconds.
+_DELIVERY_S = 4.0
 
 
 def sleep_until(node: Node, deadline: float) -> bool:
