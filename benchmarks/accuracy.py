@@ -21,18 +21,20 @@ Accuracy of every matcher before and after refinement, as Markdown tables.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 import sys
 
+from external_maps import external_maps
 from stereo_refine_ros.datasets import list_scenes, load_scene
 from stereo_refine_ros.datasets.scene import Scene
 from stereo_refine_ros.evaluation.progress import Progress
-from stereo_refine_ros.evaluation.runner import evaluate_scene, Outcome, Plan, Row
+from stereo_refine_ros.evaluation.runner import evaluate_scene, measure_stage, Plan, Row
 from stereo_refine_ros.evaluation.tables import (
-    format_number, markdown_table, V2_REGIONS, V2_SCENES, v2_average)
+    format_number, markdown_table, v2_average, V2_REGIONS, V2_SCENES)
 from stereo_refine_ros.params import FILTERS, MATCHERS, PRESETS, PROJECTIONS
+from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.disparity_errors import bad_percent
 from stereo_refine_ros.quality.filling import fill_from_background
 from stereo_refine_ros.types import FloatMap
@@ -69,12 +71,12 @@ def main(argv: Sequence[str] | None = None) -> int:
                         repeat=1) for seed in args.seeds}
     scenes = [load_scene(name, args.data) for name in names]
     entries: dict[int, list[Entry]] = {seed: [] for seed in plans}
-    with Progress(len(plans) * len(scenes) * len(args.matching)) as progress:
+    with Progress() as progress:
         for seed, plan in plans.items():
             for scene in scenes:
-                for outcome in evaluate_scene(scene, plan):
-                    entries[seed].append(_entry(outcome))
-                    progress.step(f'seed {seed} {scene.name} {outcome.combination}')
+                for entry in _scene_entries(scene, plan, args.external):
+                    entries[seed].append(entry)
+                    progress.step(f'seed {seed} {scene.name} {entry.matching}')
     print_tables(entries[args.seeds[0]])
     print_seeds(entries)
     violations = [f'{text} (seed {seed})' for seed, found in entries.items()
@@ -90,7 +92,7 @@ def print_tables(entries: Sequence[Entry]) -> None:
     """Print the v2 columns, the other scenes, and the averages over all scenes."""
     header = ['bad-1.0 %', *(f'{scene} {region}' for scene in V2_SCENES for region in V2_REGIONS),
               'average']
-    print(markdown_table(header, [line for line in _v2_lines(entries)]))
+    print(markdown_table(header, _v2_lines(entries)))
     others = sorted({entry.scene for entry in entries} - set(V2_SCENES))
     if others:
         print()
@@ -113,13 +115,26 @@ def print_seeds(entries: dict[int, list[Entry]]) -> None:
                   f'{min(known):.3f} to {max(known):.3f}, mean {sum(known) / len(known):.3f}')
 
 
-def _entry(outcome: Outcome) -> Entry:
-    rows = {row['stage']: row for row in outcome.rows}
-    maps = {'preliminary': outcome.before.preliminary.values,
-            'after': outcome.after.disparity.values}
-    checked = {stage: {**_bad(values, outcome.scene), 'mse': rows[stage]['mse']}
+def _scene_entries(scene: Scene, plan: Plan, with_external: bool) -> Iterator[Entry]:
+    for outcome in evaluate_scene(scene, plan):
+        yield _entry(scene, outcome.combination.matching,
+                     outcome.before.preliminary.values, outcome.after.disparity.values)
+    if not with_external:
+        return
+    params = plan.params(plan.combinations()[0], scene.num_disparities).updated(
+        {'matching.method': 'external'})
+    for name, values in external_maps(scene).items():
+        result = StereoRefiner(params).process(scene.pair.left, scene.pair.right, values)
+        yield _entry(scene, f'external {name}', values, result.disparity.values)
+
+
+def _entry(scene: Scene, matching: str, preliminary: FloatMap, after: FloatMap) -> Entry:
+    maps = {'preliminary': preliminary, 'after': after}
+    rows: dict[str, Row] = {stage: {'scene': scene.name, **measure_stage(values, scene)}
+                            for stage, values in maps.items()}
+    checked = {stage: {**_bad(values, scene), 'mse': rows[stage]['mse']}
                for stage, values in maps.items()}
-    return Entry(outcome.scene.name, outcome.combination.matching, rows, checked)
+    return Entry(scene.name, matching, rows, checked)
 
 
 def _bad(values: FloatMap, scene: Scene) -> dict[str, float]:
@@ -189,6 +204,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--projection', choices=PROJECTIONS, help="default: the preset's")
     parser.add_argument('--seeds', type=lambda text: [int(part) for part in text.split(',')],
                         default=[0], help='comma-separated seeds of the plane hypotheses')
+    parser.add_argument('--external', action='store_true',
+                        help='refine disturbed external maps too')
     parser.add_argument('--check', action='store_true',
                         help='end with 1 where a refined map is worse than its input')
     return parser
