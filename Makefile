@@ -21,7 +21,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 OLDEST_PIP := $(OLDEST_VENV)/bin/python -m pip --disable-pip-version-check install --quiet
 
 # Tests of the kernels: run compiled with all others, and once more as plain Python.
-KERNEL_TESTS := test/matching test/refinement test/quality
+KERNEL_TESTS := $(wildcard test/matching test/refinement test/quality)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
