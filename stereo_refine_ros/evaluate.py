@@ -24,8 +24,6 @@ import shlex
 import sys
 from typing import Any
 
-import yaml
-
 from stereo_refine_ros.datasets import find_data, list_scenes, load_scene
 from stereo_refine_ros.evaluation.plot import plot_svg
 from stereo_refine_ros.evaluation.progress import Progress
@@ -35,6 +33,7 @@ from stereo_refine_ros.evaluation.tables import check_claim, claim_text, text_ta
 from stereo_refine_ros.evaluation.video import (
     average, bag_frames, measure_video, sequence_frames, suggested_disparities, write_csv)
 from stereo_refine_ros.params import FILTERS, MATCHERS, PRESETS, PROJECTIONS
+import yaml
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -47,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             evaluate_video(args, plan)
         else:
             evaluate_scenes(args, plan)
-    except (ValueError, FileNotFoundError, ConnectionError) as error:
+    except (ValueError, FileNotFoundError, ConnectionError, ModuleNotFoundError) as error:
         print(f'evaluate: {error}', file=sys.stderr)
         return 1
     return 0

@@ -68,7 +68,10 @@ def measure_video(frames: Iterable[Frame], params: Params) -> Iterator[FrameRow]
 
 def bag_frames(path: Path, params: Params) -> Iterator[Frame]:
     """Yield the pairs of a bag, paired as the `sync` parameters say; needs `rosbags`."""
-    from stereo_refine_ros.datasets.rosbag import iterate_pairs  # needs the package rosbags
+    try:  # only bags need it
+        from stereo_refine_ros.datasets.rosbag import iterate_pairs
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(f'bag: {error}; pip install rosbags') from error
 
     slop = params.sync.slop if params.sync.approximate else 0.0
     start: int | None = None
