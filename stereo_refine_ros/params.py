@@ -99,6 +99,8 @@ class FilterParams:
     eps: float = _number(0.01, 1e-9, 10.0, '-', 'regularisation of the guided filter')
     sigma_color: float = _number(10.0, 0.1, 1000.0, 'grey levels', 'how alike colours must be')
     sigma_space: float = _number(5.0, 0.1, 1000.0, 'px', 'spatial reach of the weights')
+    sigma_disparity: float = _number(
+        2.0, 0.01, 1000.0, 'px', 'trilateral, bilateral: how alike disparities must be')
 
 
 @dataclass(frozen=True)

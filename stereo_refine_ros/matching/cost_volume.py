@@ -37,6 +37,7 @@ def truncated_cost(base: Image, other: Image, min_disparity: int, num_disparitie
     base, other : uint8 ndarray of shape (H, W) or (H, W, 3)
         The view whose pixels the volume belongs to, and the one it is compared with.
     min_disparity, num_disparities : int
+        The searched range is [min_disparity, min_disparity + num_disparities).
     is_left : bool
         Whether `base` is the left view: its column x then meets x - d, else x + d.
 

@@ -17,8 +17,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from stereo_refine_ros.types import DisparityMap, FloatMap
@@ -35,7 +35,7 @@ class Match:
         Left view, sub-pixel, left-right checked: NaN where the check failed or nothing matched.
     right : float32 ndarray of shape (H, W), or None
         Disparity of the right view: its column x matches column x + d of the left; NaN invalid.
-    cost : uint16 or uint8 ndarray of shape (H, W, D), or None
+    cost : integer or float32 ndarray of shape (H, W, D), or None
         Aggregated matching cost; the last axis is d - min_disparity. None where the matcher
         has none (OpenCV's, external ones).
     subpixel : float32 ndarray of shape (H, W), or None
@@ -46,5 +46,5 @@ class Match:
 
     disparity: DisparityMap
     right: FloatMap | None = None
-    cost: NDArray[np.unsignedinteger] | None = None
+    cost: NDArray[Any] | None = None
     subpixel: FloatMap | None = None

@@ -45,6 +45,7 @@ def edge_weights(image: Image, directions: int = 2) -> NDArray[np.uint8]:
     Parameters
     ----------
     image : uint8 ndarray of shape (H, W) or (H, W, 3)
+        Grey or BGR.
     directions : {2, 4}
         2 for 4 neighbours, 4 for 8 neighbours.
 
@@ -72,6 +73,7 @@ def sort_edges(weights: NDArray[np.uint8], codes: IndexArray | None = None) -> I
     Parameters
     ----------
     weights : uint8 ndarray of shape (H, W, K)
+        From `edge_weights`.
     codes : int32 ndarray of shape (E,), optional
         The edges to sort; if not given, all edges to the right, then all downward ones, and
         so on through the directions.

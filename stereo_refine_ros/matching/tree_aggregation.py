@@ -89,7 +89,12 @@ def segment_tree(weights: Weights) -> PixelTree:
 
 
 def aggregate(volume: FloatMap, tree: PixelTree, sigma: float) -> None:
-    """Aggregate a float32 volume of shape (H, W, D) over the tree, in place."""
+    """
+    Replace a float32 volume of shape (H, W, D) by its weighted means over the tree.
+
+    Means, unlike the sums of the papers, can be compared between pixels; the winners are the
+    same.
+    """
     rows = volume.reshape(-1, volume.shape[2])
     _aggregate_kernel(rows, tree.order, tree.parent, tree.weight, similarity_table(sigma))
 
@@ -174,16 +179,25 @@ def _root_kernel(weights, links, width, order, parent, weight):
 
 @njit(cache=True, nogil=True)
 def _aggregate_kernel(rows, order, parent, weight, table):
+    support = np.ones(order.size, np.float32)
     for i in range(order.size - 1, 0, -1):
-        child = rows[order[i]]
-        above = rows[parent[order[i]]]
-        similarity = table[weight[order[i]]]
+        pixel = order[i]
+        similarity = table[weight[pixel]]
+        child, above = rows[pixel], rows[parent[pixel]]
         for k in range(child.size):
             above[k] += similarity * child[k]
+        support[parent[pixel]] += similarity * support[pixel]
+    root = rows[order[0]]
+    for k in range(root.size):
+        root[k] /= support[order[0]]
     for i in range(1, order.size):
-        child = rows[order[i]]
-        above = rows[parent[order[i]]]
-        similarity = table[weight[order[i]]]
-        rest = np.float32(1) - similarity * similarity
+        pixel = order[i]
+        similarity = table[weight[pixel]]
+        from_above = similarity * support[parent[pixel]]
+        from_below = np.float32(1) - similarity * similarity
+        support[pixel] = from_above + from_below * support[pixel]
+        from_above /= support[pixel]
+        from_below /= support[pixel]
+        child, above = rows[pixel], rows[parent[pixel]]
         for k in range(child.size):
-            child[k] = similarity * above[k] + rest * child[k]
+            child[k] = from_above * above[k] + from_below * child[k]

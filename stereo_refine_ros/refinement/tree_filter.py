@@ -39,7 +39,9 @@ def spread_over_tree(values: FloatMap, tree: PixelTree, min_disparity: int,
     values : float32 ndarray of shape (H, W)
         Disparities of the stable pixels, NaN elsewhere.
     tree : PixelTree
+        Of the left image.
     min_disparity, num_disparities : int
+        The disparities to choose from: [min_disparity, min_disparity + num_disparities).
     sigma : float
         Reach along the tree; colour differences in units of 255.
     limit : float
