@@ -64,18 +64,18 @@ class RefineNode(Node):
         self._ready = False
         self._stopping = False
         self._settings = NodeParameters(self, self._on_parameters)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._hold_timer = self.create_timer(
+            _HOLD_TICK_S, self._guarded(self._release), clock=steady)
+        self._hold_timer.cancel()
         self._inputs = Inputs(self, self._settings.current, self._on_set,
-                              self._on_incompatible)
+                              self._hold_timer.reset, self._on_incompatible)
         self._outputs = Publishers(self, self._update_subscriptions)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._processor = FrameProcessor(self._surroundings())
         self._worker: Worker[Frame] = Worker(
             self._prepare, self._processor.process, self._on_frame_error)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0, self._guarded(self._tick), clock=steady)
-        self._hold_timer = self.create_timer(
-            _HOLD_TICK_S, self._guarded(self._release), clock=steady)
-        self._hold_timer.cancel()
         self._worker.start()
 
     def stop(self, timeout_s: float) -> bool:
@@ -145,7 +145,8 @@ class RefineNode(Node):
             self._incompatible.clear()
 
     def _release(self) -> None:
-        self._inputs.release()
+        self._hold_timer.cancel()
+        self._inputs.release()  # starts the timer again while a set has to wait
 
     def _tick(self) -> None:
         """Report once a second."""

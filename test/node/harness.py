@@ -165,14 +165,18 @@ class Client:
             self.executor.spin_once(timeout_sec=0.02)
 
     def exchange(self, messages: dict, topics=('disparity',), timeout_s: float = 20.0) -> list:
-        """Send one set of messages; return the new message of each topic."""
-        before = [len(self.received[topic]) for topic in topics]
+        """Send one set of messages; return what came on each topic with its stamp."""
+        stamp = messages.get('left/camera_info', messages['left/image_rect']).header.stamp
+        for topic in topics:
+            self.received[topic].clear()
         self.send(messages)
-        self.until(lambda: all(len(self.received[topic]) > count
-                               for topic, count in zip(topics, before, strict=True)),
-                   timeout_s,
-                   f'an answer on {topics}')
-        return [self.received[topic][-1] for topic in topics]
+
+        def answers() -> list:
+            return [next((m for m in self.received[topic] if header_of(m).stamp == stamp), None)
+                    for topic in topics]
+        self.until(lambda: None not in answers(), timeout_s, lambda: 'answers on ' + ', '.join(
+            topic for topic, found in zip(topics, answers(), strict=True) if found is None))
+        return answers()
 
     def call(self, kind: type, service: str, request):
         client = self.node.create_client(kind, f'{self._target}/{service}')
@@ -205,6 +209,11 @@ class Client:
         """Counters of the newest /diagnostics message."""
         status = self.received['/diagnostics'][-1].status[0]
         return {item.key: float(item.value) for item in status.values}
+
+
+def header_of(message):
+    """The header of a message, for a MarkerArray that of its first marker."""
+    return message.header if hasattr(message, 'header') else message.markers[0].header
 
 
 def _messages(values: dict) -> list[ParameterMsg]:

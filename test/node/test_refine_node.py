@@ -1,0 +1,352 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The real node in its own process, over DDS: values, bad input, parameters, accounting."""
+
+import itertools
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+import pytest
+from rcl_interfaces.msg import ParameterType
+from sensor_msgs.msg import Image, PointCloud2
+from stereo_msgs.msg import DisparityImage
+from visualization_msgs.msg import MarkerArray
+
+from harness import (
+    camera_info, Client, floats, image_message, running_node, stamp_of, stereo_messages,
+    textured_pair)
+from stereo_refine_ros.node.conversions import fill_image
+from stereo_refine_ros.node.outputs import color_map, depth_map
+from stereo_refine_ros.params import load_preset, SPECS
+from stereo_refine_ros.pipeline import StereoRefiner
+from stereo_refine_ros.quality.frame import measure_frame
+from stereo_refine_ros.types import DisparityMap, StereoGeometry, StereoPair
+
+pytestmark = pytest.mark.ros
+GEOMETRY = StereoGeometry(200.0, 0.1, 80.0, 48.0, 77.5, 200.0)
+PARAMS = load_preset('live', {'matching.num_disparities': 32, 'matching.min_disparity': 1})
+_stamps = itertools.count(1_000_000_007, 33_000_000)
+
+
+@pytest.fixture(scope='module')
+def node():
+    with running_node('-p', 'matching.num_disparities:=32',
+                      '-p', 'matching.min_disparity:=1') as process:
+        yield process
+
+
+@pytest.fixture(scope='module')
+def client(node):
+    client = Client()
+    for topic, kind in (('disparity', DisparityImage), ('metrics', DiagnosticArray),
+                        ('/diagnostics', DiagnosticArray)):
+        client.subscribe(topic, kind)
+    client.connect(stereo_messages(*textured_pair(), 1))
+    yield client
+    client.close()
+
+
+@pytest.fixture(scope='module')
+def core():
+    return StereoRefiner(PARAMS).process(*textured_pair())
+
+
+def good_pair():
+    return stereo_messages(*textured_pair(), next(_stamps), cx_right=77.5)
+
+
+def values_of(message):
+    return {item.key: float(item.value) for item in message.status[0].values}
+
+
+def diagnosis(client):
+    return client.received['/diagnostics'][-1].status[0]
+
+
+def settled_health(client, condition):
+    """Wait until the counters satisfy a condition; return them."""
+    client.until(lambda: client.received['/diagnostics'] and condition(client.health()), 10.0,
+                 lambda: f'counters, they are {client.health()}')
+    return client.health()
+
+
+def test_disparity_is_the_cores_with_the_fields_of_the_camera(client, core):
+    sent = good_pair()
+    message, = client.exchange(sent)
+    assert message.header == sent['left/camera_info'].header
+    assert message.image.header == message.header
+    assert (message.f, message.delta_d) == (200.0, 1 / 16)
+    assert message.t == pytest.approx(0.1)
+    assert (message.min_disparity, message.max_disparity) == (-1.5, 29.5)
+    window = message.valid_window
+    assert (window.x_offset, window.y_offset, window.width, window.height) == (0, 0, 160, 96)
+    expected = np.where(np.isfinite(core.disparity.values), core.disparity.values - 2.5, -2.5)
+    np.testing.assert_array_equal(floats(message.image), expected.astype(np.float32))
+    assert np.median(floats(message.image)) == pytest.approx(3.5, abs=0.2)
+
+
+def test_metrics_are_those_computed_offline(client, core):
+    sent = good_pair()
+    message, = client.exchange(sent, ('metrics',))
+    assert message.header == sent['left/camera_info'].header
+    sent_values = values_of(message)
+    expected = measure_frame(core, StereoPair(*textured_pair()))
+    assert sent_values.keys() >= expected.keys() | {
+        'frame_latency_ms', 'fps', 'frames_dropped', 'pairs_unmatched'}
+    for key, value in expected.items():
+        if not key.endswith('_ms'):
+            assert sent_values[key] == pytest.approx(value, rel=1e-12, nan_ok=True), key
+    assert all(sent_values[f'{s}_ms'] >= 0 for s in (
+        'matching', 'segmentation', 'planes', 'filter', 'total'))
+
+
+def test_ground_truth_adds_error_metrics(client, core):
+    truth = np.full((96, 160), 6.0, np.float32)
+    truth[:10] = np.nan
+    sent = good_pair()
+    message = DisparityImage(min_disparity=0.0, max_disparity=29.0, delta_d=0.125)
+    message.header = sent['left/camera_info'].header
+    fill_image(message.image, truth - np.float32(2.5), '32FC1')
+    client.connect(['ground_truth/disparity'])
+    answer, = client.exchange({**sent, 'ground_truth/disparity': message}, ('metrics',))
+    expected = measure_frame(core, StereoPair(*textured_pair()), truth, 8.0)
+    for key in ('mse', 'psnr', 'ssim', 'bad_1_0', 'bad_2_0', 'avg_error'):
+        for stage in ('preliminary', 'refined'):
+            name = f'{key}_{stage}'
+            assert values_of(answer)[name] == pytest.approx(expected[name], rel=1e-12), name
+
+
+def test_every_output_is_made_from_the_cores_result(client, core):
+    topics = {'disparity/preliminary': DisparityImage, 'disparity/color': Image,
+              'segments': Image, 'depth': Image, 'points': PointCloud2, 'planes': MarkerArray}
+    for topic, kind in topics.items():
+        client.subscribe(topic, kind)
+    client.spin(1.0)
+    sent = good_pair()
+    answers = dict(zip(topics, client.exchange(sent, tuple(topics)), strict=True))
+    header = sent['left/camera_info'].header
+    assert all(answers[topic].header == header for topic in topics if topic != 'planes')
+    preliminary = core.preliminary.values
+    np.testing.assert_array_equal(
+        floats(answers['disparity/preliminary'].image),
+        np.where(np.isfinite(preliminary), preliminary - np.float32(2.5), np.float32(-2.5)))
+    np.testing.assert_array_equal(pixels(answers['disparity/color'], 'bgr8', np.uint8),
+                                  color_map(core.disparity))
+    np.testing.assert_array_equal(
+        pixels(answers['segments'], '32SC1', np.int32), core.segments.labels)
+    depth = floats(answers['depth'])
+    np.testing.assert_array_equal(depth, depth_map(core.disparity, GEOMETRY))
+    assert np.nanmedian(depth) == pytest.approx(200 * 0.1 / 3.5, rel=0.05)
+    cloud = np.frombuffer(answers['points'].data, np.float32).reshape(96, 160, 4)
+    np.testing.assert_array_equal(cloud[..., 2], depth)
+
+
+def pixels(message, encoding, dtype):
+    assert message.encoding == encoding and not message.is_bigendian
+    return np.frombuffer(message.data, dtype).reshape(message.height, message.width, -1).squeeze()
+
+
+def spoil(change):
+    sent = good_pair()
+    change(sent)
+    return sent
+
+
+def other_encoding(sent):
+    sent['left/image_rect'].encoding = 'jpeg'
+
+
+def short_data(sent):
+    sent['right/image_rect'].data = sent['right/image_rect'].data[:-7]
+
+
+def zero_size(sent):
+    sent['left/image_rect'] = Image(header=sent['left/image_rect'].header, encoding='mono8')
+
+
+def other_size(sent):
+    small = textured_pair(width=100)[1]
+    sent['right/image_rect'] = image_message(small, 'bgr8', 0)
+    sent['right/image_rect'].header = sent['left/image_rect'].header
+
+
+def absurd_size(sent):
+    sent['left/image_rect'].width = sent['left/image_rect'].step = 2 ** 32 - 1
+
+
+def uncalibrated(sent):
+    sent['left/camera_info'].p = [0.0] * 12
+
+
+def swapped(sent):
+    sent['right/camera_info'].p[3] *= -1
+
+
+def calibrated_for_another_size(sent):
+    stamp = sent['left/camera_info'].header
+    sent['left/camera_info'] = camera_info(320, 240, 0)
+    sent['left/camera_info'].header = stamp
+
+
+@pytest.mark.parametrize('change,reason', [
+    (other_encoding, 'encoding'), (short_data, 'data_size'), (zero_size, 'zero_size'),
+    (other_size, 'size_differs'), (absurd_size, 'too_large'), (uncalibrated, 'focal_length'),
+    (swapped, 'baseline'), (calibrated_for_another_size, 'camera_info_size')])
+def test_bad_input_is_refused_warned_of_once_and_survived(node, client, change, reason):
+    for _ in range(3):
+        client.send(spoil(change))
+        client.spin(0.05)
+    message, = client.exchange(good_pair(), ('disparity',))
+    assert message.image.width == 160
+    answer, = client.exchange(good_pair(), ('metrics',))
+    health = settled_health(client, lambda h: h.get(f'refused.{reason}', 0) >= 3)
+    assert health[f'refused.{reason}'] == 3
+    assert values_of(answer)['pairs_refused'] >= 3
+    assert node.log.count('pair refused') == len(
+        [key for key in health if key.startswith('refused.')])
+
+
+def test_every_pair_is_accounted_for(client):
+    before = client.health()['pairs_published']
+    client.received['disparity'].clear()
+    client.exchange(good_pair(), ('metrics',))
+    for _ in range(40):
+        client.send(good_pair())
+        client.spin(0.002)
+    client.spin(0.5)
+    health = settled_health(client, lambda h: h['pairs_in_flight'] == 0 and (
+        h['pairs_published'] >= before + len(client.received['disparity'])))
+    assert health['pairs_received'] == (
+        health['pairs_published'] + health['pairs_superseded'] + health['pairs_refused'])
+    assert health['pairs_received'] >= before + 30
+
+
+def test_stamps_that_never_match_are_counted_and_explained(node, client):
+    before = client.health()['pairs_unmatched']
+    for _ in range(12):
+        sent = good_pair()
+        for name in ('right/image_rect', 'right/camera_info'):
+            late = next(_stamps) + 500_000
+            sent[name].header.stamp = stamp_of(late)
+        client.send(sent)
+        client.spin(0.02)
+    health = settled_health(client, lambda h: h['pairs_unmatched'] > before)
+    assert health['pairs_unmatched'] - before <= 12
+    node.wait_log('pairs are not complete')
+    assert 'set sync.approximate' in node.log
+    client.exchange(good_pair())
+
+
+def test_missing_camera_info_is_named(node, client):
+    for _ in range(25):
+        sent = good_pair()
+        del sent['right/camera_info']
+        client.send(sent)
+        client.spin(0.1)
+    node.wait_log('no input on right/camera_info')
+    client.until(lambda: 'right/camera_info' in diagnosis(client).message, 5.0, 'diagnosis')
+    assert diagnosis(client).level == b'\x02'
+    client.exchange(good_pair())
+
+
+def test_approximate_pairing_is_switched_on_while_running(client):
+    assert client.set_atomically(sync__approximate=True, sync__slop=0.005).successful
+    sent = good_pair()
+    for name in ('right/image_rect', 'right/camera_info'):
+        sent[name].header.stamp.nanosec += 4_000_000
+    message, = client.exchange(sent)
+    assert message.header == sent['left/camera_info'].header
+    assert client.set_atomically(sync__approximate=False).successful
+
+
+def test_time_that_jumps_back_is_survived(client):
+    jumped = stereo_messages(*textured_pair(), 5_000)
+    client.exchange(jumped)
+    client.exchange(good_pair())
+
+
+def test_parameters_are_described(client):
+    by_name = {d.name: d for d in client.describe(*(spec.name for spec in SPECS))}
+    for spec in SPECS:
+        descriptor = by_name[spec.name]
+        assert descriptor.description.startswith(spec.description)
+        ranges = [*descriptor.integer_range, *descriptor.floating_point_range]
+        if spec.low is not None:
+            assert (ranges[0].from_value, ranges[0].to_value) == (spec.low, spec.high)
+        for choice in spec.choices:
+            assert choice in descriptor.additional_constraints
+    assert by_name['planes.iterations'].type == ParameterType.PARAMETER_INTEGER
+
+
+def test_a_batch_is_refused_whole_with_the_reason(client):
+    before = client.get('filter.radius', 'filter.method')
+    result = client.set_atomically(filter__radius=5, filter__method='magic')
+    assert not result.successful and 'magic' in result.reason and 'box' in result.reason
+    assert client.get('filter.radius', 'filter.method') == before
+
+
+@pytest.mark.parametrize('name,value,reason', [
+    ('filter__radius', 0, '0'), ('filter__radius', 2.5, 'int'), ('filter__eps', 'x', 'float'),
+    ('planes__min_inlier_ratio', 1.5, '1.5'), ('sync__approximate', 1, 'bool'),
+    ('matching__num_disparities', 0, '0'), ('filter__eps', float('nan'), 'nan')])
+def test_bad_values_are_refused(client, name, value, reason):
+    before = client.get(name.replace('__', '.'))
+    result, = client.set(**{name: value})
+    assert not result.successful and reason in result.reason
+    assert client.get(name.replace('__', '.')) == before
+
+
+def test_an_integer_is_taken_for_a_float(client):
+    assert client.set(segmentation__k=200)[0].successful
+    value, = client.get('segmentation.k')
+    assert value == 200.0 and type(value) is float
+
+
+def test_values_set_while_running_reach_the_core(client):
+    assert client.set(matching__num_disparities=20)[0].successful
+    message, = client.exchange(good_pair())
+    assert message.max_disparity == -1.5 + 19
+    params = load_preset('live', {
+        'matching.num_disparities': 20, 'matching.min_disparity': 1, 'segmentation.k': 200})
+    expected = StereoRefiner(params).process(*textured_pair()).disparity
+    np.testing.assert_array_equal(
+        floats(message.image) == -2.5, ~np.isfinite(expected.values))
+
+
+def test_a_preset_brings_its_values(client):
+    assert client.set_atomically(preset='paper', filter__radius=4).successful
+    expected = load_preset('paper', {'filter.radius': 4}).as_dict()
+    assert client.get(*expected) == list(expected.values())
+    client.exchange(good_pair(), timeout_s=60.0)
+    assert client.set(preset='live')[0].successful
+    assert client.get('filter.radius') == [load_preset('live').filter.radius]
+
+
+def test_parameters_change_while_frames_flow(node, client):
+    """Sets and frames at once: every pair is still published, superseded or refused."""
+    end = time.monotonic() + 2.0
+    radii = itertools.cycle((1, 2, 3))
+    while time.monotonic() < end:
+        client.send(good_pair())
+        client.set(filter__radius=next(radii), matching__num_disparities=16)
+    health = settled_health(client, lambda h: h['pairs_in_flight'] == 0)
+    assert health['processing_failures'] == 0
+    assert 'Traceback' not in node.log
+
+
+def test_depth_of_a_shifted_principal_point_is_metric():
+    disparity = DisparityMap(np.full((1, 1), 6.0, np.float32), 0, 16)
+    assert depth_map(disparity, GEOMETRY)[0, 0] == pytest.approx(200 * 0.1 / 3.5)
