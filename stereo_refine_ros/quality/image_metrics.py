@@ -24,19 +24,21 @@ from __future__ import annotations
 import math
 
 import cv2
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.types import FloatMap
+from stereo_refine_ros.types import FloatMap, Image
 
 Mask = NDArray[np.bool_]
 
 _PEAK = 255.0
-_C1 = (0.01 * _PEAK) ** 2
-_C2 = (0.03 * _PEAK) ** 2
+_C1 = np.float32((0.01 * _PEAK) ** 2)
+_C2 = np.float32((0.03 * _PEAK) ** 2)
 _SIGMA = 1.5
+_BAND = 64  # rows
 _RADIUS = 5  # 3.5 sigma, the 11 x 11 window of Wang et al. 2004
-_OFFSET = 128.0  # variances are shift-invariant; centred values keep float32 exact enough
+_OFFSET = np.float32(128)  # variances do not shift; small values keep float32 exact enough
 
 
 def to_8bit(values: FloatMap, scale: float) -> NDArray[np.uint8]:
@@ -67,22 +69,18 @@ def default_scale(num_disparities: int) -> float:
     return float(255 // num_disparities) if num_disparities <= 255 else 255.0 / num_disparities
 
 
-def mse(reference: NDArray, test: NDArray, mask: Mask | None = None) -> float:
+def mse(reference: Image, test: Image, mask: Mask | None = None) -> float:
     """
-    Mean squared difference of two maps over the pixels of `mask` (equation 5).
+    Mean squared difference of two 8-bit maps over the pixels of `mask` (equation 5).
 
     Returns NaN where the mask holds no pixel.
     """
-    _require_same_shape(reference, test, mask)
-    difference = reference.astype(np.float32) - test.astype(np.float32)
-    if mask is not None:
-        difference = difference[mask]
-    if difference.size == 0:
-        return math.nan
-    return float(np.mean(np.square(difference), dtype=np.float64))
+    reference, test, mask = _checked(reference, test, mask)
+    total, count = _squared_difference_kernel(reference, test, mask)
+    return total / count if count else math.nan
 
 
-def psnr(reference: NDArray, test: NDArray, mask: Mask | None = None) -> float:
+def psnr(reference: Image, test: Image, mask: Mask | None = None) -> float:
     """Peak signal-to-noise ratio in dB over the pixels of `mask` (equation 6), inf at MSE 0."""
     return psnr_from_mse(mse(reference, test, mask))
 
@@ -92,57 +90,106 @@ def psnr_from_mse(error: float) -> float:
     return math.inf if error == 0 else 10.0 * math.log10(_PEAK ** 2 / error)
 
 
-def ssim(reference: NDArray, test: NDArray, mask: Mask | None = None) -> float:
+def ssim(reference: Image, test: Image, mask: Mask | None = None) -> float:
     """
-    Mean structural similarity of two maps over the pixels of `mask` (equations 7-10).
+    Mean structural similarity of two 8-bit maps over the pixels of `mask` (equations 7-10).
 
     Outside the mask `test` is set to `reference` first: an unknown pixel says nothing for or
     against its neighbours, whose windows reach it. The outer 5 pixels, where the window leaves
     the image, do not count (as in Wang et al. 2004 and scikit-image), unless nothing else is
     left. Returns NaN where the mask holds no pixel.
     """
-    _require_same_shape(reference, test, mask)
-    if mask is not None:
-        if not mask.any():
-            return math.nan
-        test = np.where(mask, test, reference)
-    similarity = ssim_map(reference, test)
-    inner = (slice(_RADIUS, -_RADIUS),) * 2
-    if similarity[inner].size and (mask is None or mask[inner].any()):
-        similarity, mask = similarity[inner], None if mask is None else mask[inner]
-    counted = similarity if mask is None else similarity[mask]
-    return float(np.mean(counted, dtype=np.float64))
+    reference, test, mask = _checked(reference, test, mask)
+    similarity = _ssim_map(reference, test, mask)
+    total, count = _masked_sum_kernel(similarity, mask, _RADIUS)
+    if count == 0:
+        total, count = _masked_sum_kernel(similarity, mask, 0)
+    return total / count if count else math.nan
 
 
-def ssim_map(reference: NDArray, test: NDArray) -> FloatMap:
+def ssim_map(reference: Image, test: Image, mask: Mask | None = None) -> FloatMap:
     """
     Structural similarity at every pixel, Gaussian window of sigma 1.5, population variances.
 
     With C3 = C2 / 2 the product l c s of equations 8-10 is
     (2 mu_r mu_t + C1) (2 s_rt + C2) / ((mu_r^2 + mu_t^2 + C1) (s_r^2 + s_t^2 + C2)).
+    Outside `mask`, `test` is taken to equal `reference`.
     """
-    _require_same_shape(reference, test, None)
-    r = reference.astype(np.float32) - np.float32(_OFFSET)
-    t = test.astype(np.float32) - np.float32(_OFFSET)
-    mean_r, mean_t = _blur(r), _blur(t)
-    spread = _blur(r * r + t * t) - mean_r * mean_r - mean_t * mean_t
-    covariance = _blur(r * t) - mean_r * mean_t
-    mean_r += np.float32(_OFFSET)
-    mean_t += np.float32(_OFFSET)
-    luminance = (2 * mean_r * mean_t + _C1) / (mean_r * mean_r + mean_t * mean_t + _C1)
-    return luminance * (2 * covariance + _C2) / (spread + _C2)
+    return _ssim_map(*_checked(reference, test, mask))
 
 
-def _blur(values: FloatMap) -> FloatMap:
-    size = 2 * _RADIUS + 1
-    return cv2.GaussianBlur(
-        values, (size, size), _SIGMA, borderType=cv2.BORDER_REFLECT).reshape(values.shape)
+def _ssim_map(reference: Image, test: Image, mask: Mask) -> FloatMap:
+    out = np.empty(reference.shape, np.float32)
+    height, width = reference.shape
+    for top in range(0, height, _BAND):
+        # A few rows at a time stay in the cache: twice as fast as whole images.
+        first, last = max(0, top - _RADIUS), min(height, top + _BAND + _RADIUS)
+        moments = np.empty((4, last - first, width), np.float32)
+        _moments_kernel(reference[first:last], test[first:last], mask[first:last], moments)
+        for moment in moments:
+            cv2.GaussianBlur(moment, (2 * _RADIUS + 1,) * 2, _SIGMA, dst=moment,
+                             borderType=cv2.BORDER_REFLECT)
+        _similarity_kernel(moments, top - first, out[top:top + _BAND])
+    return out
 
 
-def _require_same_shape(reference: NDArray, test: NDArray, mask: Mask | None) -> None:
-    if reference.ndim != 2 or reference.shape != test.shape:
-        raise ValueError(
-            f'expected two maps of one shape (H, W), got {reference.shape} and {test.shape}')
-    if mask is not None and (mask.shape != reference.shape or mask.dtype != np.bool_):
-        raise ValueError(
-            f'mask: expected bool {reference.shape}, got {mask.dtype} {mask.shape}')
+@njit(cache=True, nogil=True)
+def _squared_difference_kernel(reference, test, mask):
+    total, count = np.int64(0), 0
+    for y in range(reference.shape[0]):
+        for x in range(reference.shape[1]):
+            if mask[y, x]:
+                # int32 first: the difference of two uint8 would wrap round.
+                difference = np.int32(reference[y, x]) - np.int32(test[y, x])
+                total += difference * difference
+                count += 1
+    return total, count
+
+
+@njit(cache=True, nogil=True)
+def _moments_kernel(reference, test, mask, moments):
+    for y in range(reference.shape[0]):
+        for x in range(reference.shape[1]):
+            a = np.float32(reference[y, x]) - _OFFSET
+            b = np.float32(test[y, x]) - _OFFSET if mask[y, x] else a
+            moments[0, y, x], moments[1, y, x] = a, b
+            moments[2, y, x], moments[3, y, x] = a * a + b * b, a * b
+
+
+@njit(cache=True, nogil=True)
+def _similarity_kernel(moments, skip, out):
+    two = np.float32(2)
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            a, b = moments[0, skip + y, x], moments[1, skip + y, x]
+            spread = moments[2, skip + y, x] - a * a - b * b
+            covariance = moments[3, skip + y, x] - a * b
+            a, b = a + _OFFSET, b + _OFFSET
+            luminance = (two * a * b + _C1) / (a * a + b * b + _C1)
+            out[y, x] = luminance * (two * covariance + _C2) / (spread + _C2)
+
+
+@njit(cache=True, nogil=True)
+def _masked_sum_kernel(values, mask, border):
+    total, count = 0.0, 0
+    for y in range(border, values.shape[0] - border):
+        for x in range(border, values.shape[1] - border):
+            if mask[y, x]:
+                total += values[y, x]
+                count += 1
+    return total, count
+
+
+def _checked(reference: Image, test: Image, mask: Mask | None) -> tuple[Image, Image, Mask]:
+    """Check the maps and return them as the kernels want them; no mask is all pixels."""
+    for name, image in (('reference', reference), ('test', test)):
+        if image.dtype != np.uint8 or image.shape != reference.shape[:2]:
+            raise ValueError(f'{name}: expected uint8 (H, W) of one shape, got {image.dtype} '
+                             f'{image.shape} beside {reference.shape}')
+    if mask is None:
+        mask = np.ones(reference.shape, bool)
+    if mask.shape != reference.shape or mask.dtype != np.bool_:
+        raise ValueError(f'mask: expected bool {reference.shape}, got {mask.dtype} {mask.shape}')
+    # One layout, so that the kernels are compiled once: messages may be read-only, crops strided.
+    return (np.require(reference, requirements=['C', 'W']),
+            np.require(test, requirements=['C', 'W']), np.require(mask, requirements=['C', 'W']))

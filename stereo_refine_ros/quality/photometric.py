@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 
 import cv2
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,19 +41,32 @@ def warp_right(right: Image, values: FloatMap) -> tuple[Image, NDArray[np.bool_]
     Returns
     -------
     warped : uint8 ndarray of shape (H, W)
-        0 where nothing was fetched. OpenCV interpolates in steps of 1/32 px.
+        Rounded to whole grey levels; 0 where nothing was fetched.
     seen : bool ndarray of shape (H, W)
         Valid pixels whose match lies inside the right image.
 
     """
+    warped = np.zeros(values.shape, np.uint8)
+    seen = np.zeros(values.shape, np.bool_)
+    _warp_kernel(np.require(right, requirements=['C', 'W']),
+                 np.require(values, requirements=['C', 'W']), warped, seen)
+    return warped, seen
+
+
+@njit(cache=True, nogil=True)
+def _warp_kernel(right, values, warped, seen):
     height, width = values.shape
-    column = np.arange(width, dtype=np.float32) - values
-    seen = (column >= 0) & (column <= width - 1)
-    column[~seen] = -2.0
-    row = np.repeat(np.arange(height, dtype=np.float32)[:, None], width, axis=1)
-    warped = cv2.remap(right, column, row, cv2.INTER_LINEAR,
-                       borderMode=cv2.BORDER_CONSTANT, borderValue=0)
-    return warped.reshape(height, width), seen
+    for y in range(height):
+        for x in range(width):
+            column = np.float32(x) - values[y, x]
+            if not 0 <= column <= width - 1:  # also where it is NaN
+                continue
+            first = int(column)
+            share = column - np.float32(first)
+            near = np.float32(right[y, first])
+            far = np.float32(right[y, min(first + 1, width - 1)])
+            warped[y, x] = np.uint8(near + share * (far - near) + np.float32(0.5))
+            seen[y, x] = True
 
 
 def photometric_quality(pair: StereoPair, values: FloatMap) -> tuple[float, float]:

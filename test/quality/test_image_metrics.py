@@ -76,6 +76,13 @@ def test_unsigned_difference_does_not_wrap():
     assert psnr(low, high) == 0
 
 
+def test_mse_matches_numpy():
+    reference, test = random_pair()
+    mask = np.random.default_rng(4).random(reference.shape) < 0.3
+    expected = np.mean((reference[mask].astype(float) - test[mask]) ** 2)
+    assert mse(reference, test, mask) == pytest.approx(expected, rel=1e-12)
+
+
 def test_psnr_is_infinite_for_equal_maps():
     image = random_pair()[0]
     assert mse(image, image) == 0
@@ -120,13 +127,24 @@ def test_ssim_equals_scikit_image(noise):
     assert ssim(reference, test) == pytest.approx(expected, abs=1e-5)
 
 
+def test_ssim_of_many_bands_of_read_only_and_strided_maps():
+    reference, test = random_pair((150, 90))
+    expected = structural_similarity(
+        reference[:, ::2], test[:, ::2], gaussian_weights=True, sigma=1.5,
+        use_sample_covariance=False, data_range=255)
+    reference.flags.writeable = False
+    assert ssim(reference[:, ::2], test[:, ::2]) == pytest.approx(expected, abs=1e-5)
+
+
 def test_masked_ssim_ignores_what_lies_outside():
     reference, test = random_pair()
     mask = np.ones(reference.shape, bool)
     mask[10:20, 10:25] = False
     other = np.where(mask, test, 255).astype(np.uint8)
     assert ssim(reference, test, mask) == ssim(reference, other, mask)
-    similarity = ssim_map(reference, np.where(mask, test, reference))
+    similarity = ssim_map(reference, test, mask)
+    np.testing.assert_array_equal(
+        similarity, ssim_map(reference, np.where(mask, test, reference)))
     inside = similarity[5:-5, 5:-5][mask[5:-5, 5:-5]]
     assert ssim(reference, test, mask) == pytest.approx(inside.mean(), abs=1e-6)
 
@@ -153,7 +171,9 @@ def test_default_scale_of_wide_ranges_still_fits():
 
 
 def test_shapes_must_agree():
-    with pytest.raises(ValueError, match='one shape'):
+    with pytest.raises(ValueError, match='test: expected uint8'):
         mse(np.zeros((2, 3), np.uint8), np.zeros((3, 2), np.uint8))
+    with pytest.raises(ValueError, match='reference: expected uint8'):
+        psnr(np.zeros((2, 3), np.float32), np.zeros((2, 3), np.uint8))
     with pytest.raises(ValueError, match='mask'):
         ssim(np.zeros((2, 3), np.uint8), np.zeros((2, 3), np.uint8), np.zeros((3, 2), bool))

@@ -38,6 +38,19 @@ def test_warp_reads_the_match_and_says_what_is_seen():
     np.testing.assert_array_equal(warped, [[0, 5, 0, 0, 0]])
 
 
+def test_warp_matches_the_naive_warp():
+    rng = np.random.default_rng(2)
+    right = rng.integers(0, 256, (9, 15), dtype=np.uint8)
+    values = rng.uniform(-2, 18, right.shape).astype(np.float32)
+    values[rng.random(values.shape) < 0.2] = np.nan
+    warped, seen = warp_right(right, values)
+    for y, x in np.ndindex(right.shape):
+        column = x - values[y, x]
+        assert seen[y, x] == (not np.isnan(column) and 0 <= column <= 14)
+        exact = np.interp(column, np.arange(15), right[y]) if seen[y, x] else 0
+        assert abs(warped[y, x] - exact) <= 0.501
+
+
 def test_last_column_is_seen():
     warped, seen = warp_right(np.full((2, 4), 9, np.uint8), np.full((2, 4), -1, np.float32))
     np.testing.assert_array_equal(seen, [[True, True, True, False]] * 2)
