@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from stereo_refine_ros.matching.opencv_matchers import match_sgbm
+from stereo_refine_ros.matching.opencv_matchers import match_bm, match_sgbm
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.tree_matchers import match_non_local, match_segment_tree
 from stereo_refine_ros.params import MatchingParams
@@ -33,6 +33,7 @@ Matcher = Callable[[StereoPair, MatchingParams, int], Match]
 
 MATCHERS: dict[str, Matcher] = {
     'sgbm': match_sgbm,
+    'bm': match_bm,
     'segment_tree': match_segment_tree,
     'non_local': match_non_local,
 }

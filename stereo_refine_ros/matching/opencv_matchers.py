@@ -12,43 +12,78 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""OpenCV's block matchers, with the padding and the left-right check they lack."""
+"""OpenCV's block matchers, with the padding and the free range that they lack."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import cv2
 import numpy as np
 
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.params import MatchingParams
+from stereo_refine_ros.refinement.consistency import right_from_left
 from stereo_refine_ros.types import DisparityMap, FloatMap, StereoPair
 
-_BLOCK_SIZE = 5
+_SGBM_BLOCK = 3
+_SGBM_PREFILTER = 15
+_BM_BLOCK = 15
+# Both matchers drop what their own left-right check (1 px), uniqueness and speckle tests refuse.
+_CHECKS = {'disp12MaxDiff': 1, 'uniquenessRatio': 10, 'speckleWindowSize': 100, 'speckleRange': 2}
 
 
 def match_sgbm(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
-    """
-    Match with OpenCV's three-way semi-global matcher.
-
-    OpenCV searches multiples of 16 disparities and gives nothing in the first columns; both
-    images are padded on the left, and what lies outside the asked range is invalid.
-    """
-    rounded = -(-params.num_disparities // 16) * 16
-    reach = max(0, params.min_disparity + rounded)
+    """Match with OpenCV's three-way semi-global matcher; OpenCV keeps its own threads."""
+    values_per_block = _SGBM_BLOCK ** 2 * pair.left[0, 0].size
     matcher = cv2.StereoSGBM_create(
-        minDisparity=params.min_disparity, numDisparities=rounded, blockSize=_BLOCK_SIZE,
-        P1=8 * _BLOCK_SIZE ** 2, P2=32 * _BLOCK_SIZE ** 2, disp12MaxDiff=1, preFilterCap=63,
-        uniquenessRatio=10, speckleWindowSize=100, speckleRange=2,
-        mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY)
-    left, right = (cv2.copyMakeBorder(image, 0, 0, reach, 0, cv2.BORDER_REPLICATE)
+        minDisparity=params.min_disparity, numDisparities=_rounded(params),
+        blockSize=_SGBM_BLOCK, P1=8 * values_per_block, P2=32 * values_per_block,
+        preFilterCap=_SGBM_PREFILTER, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY, **_CHECKS)
+    return _match(matcher, pair.left, pair.right, params)
+
+
+def match_bm(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
+    """Match with OpenCV's block matcher on grey images; OpenCV keeps its own threads."""
+    matcher = cv2.StereoBM_create(_rounded(params), _BM_BLOCK)
+    matcher.setMinDisparity(params.min_disparity)
+    matcher.setDisp12MaxDiff(_CHECKS['disp12MaxDiff'])
+    matcher.setUniquenessRatio(_CHECKS['uniquenessRatio'])
+    matcher.setSpeckleWindowSize(_CHECKS['speckleWindowSize'])
+    matcher.setSpeckleRange(_CHECKS['speckleRange'])
+    left, right = (image if image is None or image.ndim == 2
+                   else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
                    for image in (pair.left, pair.right))
-    fixed = matcher.compute(left, right)[:, reach:]
-    return Match(DisparityMap(
-        _to_float(fixed, params), params.min_disparity, params.num_disparities))
+    return _match(matcher, left, right, params)
+
+
+def _rounded(params: MatchingParams) -> int:
+    """Round the number of disparities up to a multiple of 16, which OpenCV asks for."""
+    return -(-params.num_disparities // 16) * 16
+
+
+def _match(matcher: Any, left: Any, right: Any, params: MatchingParams) -> Match:
+    """
+    Run a matcher on padded images and drop what lies outside the asked range.
+
+    OpenCV gives nothing where a pixel's whole range is not in view, nor within half a block of
+    the border; so both images grow by as much.
+    """
+    margin = _BM_BLOCK
+    before = margin + max(0, params.min_disparity + _rounded(params))
+    after = margin + max(0, -params.min_disparity)
+    left, right = (cv2.copyMakeBorder(image, margin, margin, before, after,
+                                      cv2.BORDER_REPLICATE) for image in (left, right))
+    height, width = left.shape[:2]
+    fixed = matcher.compute(left, right)[margin:height - margin, before:width - after]
+    values = _to_float(fixed, params)
+    return Match(DisparityMap(values, params.min_disparity, params.num_disparities),
+                 right_from_left(values))
 
 
 def _to_float(fixed: np.ndarray, params: MatchingParams) -> FloatMap:
+    """Turn sixteenths into pixels; NaN outside the range (OpenCV marks holes below it)."""
     values = fixed.astype(np.float32) / 16.0
     low, high = params.min_disparity, params.min_disparity + params.num_disparities
-    values[(fixed < low * 16) | (values >= high)] = np.nan
+    values[(values < low) | (values >= high)] = np.nan
     return values
