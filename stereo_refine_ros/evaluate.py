@@ -38,6 +38,7 @@ import yaml
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `evaluate`; return 0, or 1 after one line that says what is wrong."""
+    argv = sys.argv[1:] if argv is None else list(argv)
     args = _parser().parse_args(argv)
     try:
         plan = Plan(args.preset, dict(args.parameters), args.matching, args.filters,
@@ -45,19 +46,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         if args.bag or args.sequence:
             evaluate_video(args, plan)
         else:
-            evaluate_scenes(args, plan)
+            evaluate_scenes(args, plan, shlex.join(argv))
     except (ValueError, FileNotFoundError, ConnectionError, ModuleNotFoundError) as error:
         print(f'evaluate: {error}', file=sys.stderr)
         return 1
     return 0
 
 
-def evaluate_scenes(args: argparse.Namespace, plan: Plan) -> None:
+def evaluate_scenes(args: argparse.Namespace, plan: Plan, arguments: str) -> None:
     """Evaluate scenes with ground truth; print the table, write what was asked for."""
     names = args.scenes or list_scenes(args.data)
     if not names:
         raise FileNotFoundError(f'no scenes in {find_data(args.data)}')
-    report = Report('Disparity refinement: before and after', _command())
+    report = Report('Disparity refinement: before and after',
+                    f'python -m stereo_refine_ros.evaluate {arguments}')
     rows: list[Row] = []
     with Progress(len(names) * len(plan.combinations())) as progress:
         for name in names:
@@ -145,10 +147,6 @@ def _parameter(text: str) -> tuple[str, Any]:
     if not equals:
         raise argparse.ArgumentTypeError(f'{text!r} is not NAME=VALUE')
     return name, yaml.safe_load(value)
-
-
-def _command() -> str:
-    return 'python -m stereo_refine_ros.evaluate ' + shlex.join(sys.argv[1:])
 
 
 if __name__ == '__main__':

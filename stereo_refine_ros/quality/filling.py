@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from numba import njit
 import numpy as np
 
 from stereo_refine_ros.types import FloatMap
@@ -35,22 +36,28 @@ def fill_from_background(values: FloatMap) -> FloatMap:
         Pixels, NaN invalid; not changed.
 
     """
-    holes = np.isnan(values)
-    if not holes.any():
-        return values.copy()
-    from_left = _carry(values, holes)
-    from_right = _carry(values[:, ::-1], holes[:, ::-1])[:, ::-1]
-    filled = np.where(holes, np.fmin(from_left, from_right), values)
-    return _fill_rows(filled, ~np.all(holes, axis=1))
+    out = np.empty(values.shape, np.float32)
+    has_data = np.empty(len(values), np.bool_)
+    _fill_kernel(np.require(values, np.float32, ['C', 'W']), out, has_data)
+    return _fill_rows(out, has_data)
 
 
-def _carry(values: FloatMap, holes: np.ndarray) -> FloatMap:
-    """Carry the last valid value of each row to the right."""
-    column = np.where(holes, -1, np.arange(values.shape[1]))
-    last = np.maximum.accumulate(column, axis=1)
-    # Index -1 stands for "none yet"; its value is a hole of the row or is masked here.
-    carried = np.take_along_axis(values, last, axis=1)
-    return np.where(last < 0, np.float32(np.nan), carried)
+@njit(cache=True, nogil=True)
+def _fill_kernel(values, out, has_data):
+    height, width = values.shape
+    for y in range(height):
+        carried = np.float32(np.nan)
+        for x in range(width):
+            if not np.isnan(values[y, x]):
+                carried = values[y, x]
+            out[y, x] = carried
+        has_data[y] = not np.isnan(carried)
+        carried = np.float32(np.nan)
+        for x in range(width - 1, -1, -1):
+            if not np.isnan(values[y, x]):
+                carried = values[y, x]
+            elif np.isnan(out[y, x]) or carried < out[y, x]:
+                out[y, x] = carried
 
 
 def _fill_rows(values: FloatMap, has_data: np.ndarray) -> FloatMap:

@@ -94,6 +94,7 @@ def test_report_shows_the_rows(run):
     reader.feed((run / 'report' / 'report.html').read_text(encoding='utf-8'))
     assert len([tag for tag, _ in reader.tags if tag == 'table']) == 4
     assert 'one, full projection' in reader.text
+    assert '--filters none,weighted_median --projection full,guarded' in reader.text
     for row in rows:
         if row['stage'] != 'preliminary':
             assert f'{row["mse"]:.1f}' in reader.text
