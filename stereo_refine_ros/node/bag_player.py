@@ -98,7 +98,7 @@ class BagPlayer(Node):
                           if connection.topic in self._publishers_by_topic]
                 count += self._play_once(reader.messages(wanted), speed)
             loop += 1
-        wait_delivered(publishers)
+        wait_delivered(self, publishers)
         return count
 
     def _play_once(self, messages: Iterable[tuple[Connection, int, bytes]], speed: float) -> int:

@@ -87,7 +87,7 @@ class ScenePlayer(Node):
                 due = max(due + 1.0 / rate_hz, time.monotonic())
             loop += 1
         sleep_until(self, due)
-        wait_delivered(list(self._publisher_of.values()))
+        wait_delivered(self, list(self._publisher_of.values()))
         return count
 
     def publish_scene(self, scene: Scene) -> None:

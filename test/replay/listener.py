@@ -70,8 +70,8 @@ def replaying(*options):
         yield process
     finally:
         if process.poll() is None:
-            process.kill()
-        process.communicate()
+            process.terminate()
+        process.communicate(timeout=20)
 
 
 def stamp_ns(message):
