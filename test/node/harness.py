@@ -54,6 +54,12 @@ TYPES = {'left/image_rect': Image, 'right/image_rect': Image, 'left/camera_info'
 READY_S = 60.0
 
 
+def reliable_inputs(prefix: str = '') -> list[str]:
+    """Arguments that make every subscription reliable, so that a test loses nothing."""
+    return [part for topic in TYPES for part in (
+        '-p', f'qos_overrides.{prefix}/{topic}.subscription.reliability:=reliable')]
+
+
 class NodeProcess:
     """The node as its own process; `log` is what it printed so far."""
 
@@ -98,10 +104,8 @@ def running_node(*ros_args: str, ready: bool = True, **kwargs) -> Iterator[NodeP
         if ready:
             node.wait_ready()
         yield node
-    except BaseException:
-        print(node.log)
-        raise
     finally:
+        print(node.log)
         if node.process.poll() is None:
             code = node.stop()
             assert code == 0, f'exit code {code}\n{node.log}'

@@ -26,8 +26,8 @@ from stereo_msgs.msg import DisparityImage
 from visualization_msgs.msg import MarkerArray
 
 from harness import (
-    camera_info, Client, floats, image_message, running_node, stamp_of, stereo_messages,
-    textured_pair)
+    camera_info, Client, floats, image_message, reliable_inputs, running_node, stamp_of,
+    stereo_messages, textured_pair)
 from stereo_refine_ros.node.conversions import fill_image
 from stereo_refine_ros.node.outputs import color_map, depth_map
 from stereo_refine_ros.params import load_preset, SPECS
@@ -44,7 +44,7 @@ _stamps = itertools.count(1_000_000_007, 33_000_000)
 @pytest.fixture(scope='module')
 def node():
     with running_node('-p', 'matching.num_disparities:=32',
-                      '-p', 'matching.min_disparity:=1') as process:
+                      '-p', 'matching.min_disparity:=1', *reliable_inputs()) as process:
         yield process
 
 
@@ -257,7 +257,8 @@ def test_missing_camera_info_is_named(node, client):
         client.send(sent)
         client.spin(0.1)
     node.wait_log('no input on right/camera_info')
-    client.until(lambda: 'right/camera_info' in diagnosis(client).message, 5.0, 'diagnosis')
+    client.until(lambda: 'no input on right/camera_info' in diagnosis(client).message, 5.0,
+                 lambda: f'the diagnosis, it is {diagnosis(client)}')
     assert diagnosis(client).level == b'\x02'
     client.exchange(good_pair())
 
