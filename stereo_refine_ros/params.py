@@ -174,7 +174,7 @@ class ParameterSpec:
         """Return `value` as the parameter's type; raise ValueError saying what is allowed."""
         if self.type is float and type(value) is int:
             value = float(value)
-        if type(value) is not self.type:
+        if value.__class__ is not self.type:
             raise ValueError(
                 f'{self.name}: expected {self.type.__name__}, '
                 f'got {type(value).__name__} {value!r}')

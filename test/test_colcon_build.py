@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`colcon build` and `colcon test` of a copy of the checkout, and a start from what they install."""
+"""`colcon build` and `colcon test` of a copy of the checkout; what they install starts."""
 
 import os
 from pathlib import Path
