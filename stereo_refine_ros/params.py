@@ -174,10 +174,10 @@ class ParameterSpec:
         """Return `value` as the parameter's type; raise ValueError saying what is allowed."""
         if self.type is float and type(value) is int:
             value = float(value)
-        if value.__class__ is not self.type:
+        given = type(value)
+        if given is not self.type:
             raise ValueError(
-                f'{self.name}: expected {self.type.__name__}, '
-                f'got {type(value).__name__} {value!r}')
+                f'{self.name}: expected {self.type.__name__}, got {given.__name__} {value!r}')
         if self.choices and value not in self.choices:
             raise ValueError(f'{self.name}: {value!r} is none of {", ".join(self.choices)}')
         if self.low is not None and self.high is not None:
