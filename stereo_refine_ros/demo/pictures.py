@@ -128,7 +128,7 @@ def _legend(shape: tuple[int, ...], low: float, high: float,
     for name, bar, first, last, note in bars:
         _text(panel, f'{name}: {first} to {last} ({note})', (12, top), 0.48, _INK)
         panel[top + 7:top + 21, 12:width - 12] = bar
-        top += 46
+        top += 42
     _measures(panel, top + 4, metrics)
     return panel
 
@@ -141,12 +141,12 @@ def _measures(panel: Image, top: int, metrics: Mapping[str, float]) -> None:
         before, after = metrics.get(f'{name}_preliminary'), metrics.get(f'{name}_refined')
         if before is None or after is None:
             continue
-        top += 22
+        top += 20
         texts = (f'{label} {f"({unit})" if unit else ""}', format_value(before),
                  format_value(after))
         for x, text in zip(columns, texts, strict=True):
             _text(panel, text, (x, top), 0.46, _INK)
-    top += 28
+    top += 25
     _text(panel, f'{format_value(metrics.get("total_ms"))} ms a frame, '
           f'{format_value(metrics.get("segments"))} segments, '
           f'{format_value(metrics.get("planes_fitted"))} planes', (12, top), 0.46, _MUTED)
