@@ -212,9 +212,8 @@ def main() -> None:
     """Measure and print."""
     options = parse()
     os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
-    profiles = sorted((HERE.parent / 'config').glob('*.xml'))
-    if profiles:
-        os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(profiles[0]))
+    profile = HERE.parent / 'config' / 'fastdds_shm.xml'
+    os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(profile))
     before = sgbm_ms(options)
     result = measure(options)
     result = {'sgbm_3way_before_ms': before, **result, 'sgbm_3way_after_ms': sgbm_ms(options)}
