@@ -147,12 +147,13 @@ def _picture_row(outcome: Outcome, is_open: bool) -> str:
     figures = ''.join(
         f'<figure><img src="{data_uri(picture)}" alt="{name}" loading="lazy">'
         f'<figcaption>{name}</figcaption></figure>'
-        for name, picture in _pictures(outcome, with_scene=is_open).items())
+        for name, picture in outcome_pictures(outcome, with_scene=is_open).items())
     return (f'<details{" open" if is_open else ""}><summary>{escape(str(outcome.combination))}'
             f'</summary><div class="pictures">{figures}</div></details>')
 
 
-def _pictures(outcome: Outcome, with_scene: bool) -> dict[str, Image]:
+def outcome_pictures(outcome: Outcome, with_scene: bool) -> dict[str, Image]:
+    """Draw an outcome, by caption; `with_scene` adds the left view and the ground truth."""
     scene = outcome.scene
     assert scene.truth is not None
     low, high = _range(outcome)
@@ -163,5 +164,5 @@ def _pictures(outcome: Outcome, with_scene: bool) -> dict[str, Image]:
             'after': color_disparity(after, low, high),
             'error before': color_error(before, scene.truth),
             'error after': color_error(after, scene.truth),
-            'segments, plane boundaries white': draw_segments(
+            'segments, planes edged white': draw_segments(
                 scene.pair.left, outcome.after.segments)}
