@@ -25,12 +25,13 @@ KERNEL_TESTS := $(wildcard test/matching test/refinement test/quality)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help demo test test-oldest lint bench bench-live tables lock clean
+.PHONY: help demo test test-oldest coverage lint bench bench-live tables lock clean
 
 help:
 	@echo 'make demo        live node, replayed stereo pair, pictures in demo_output/'
 	@echo 'make test        the whole test suite'
 	@echo 'make test-oldest the core against the oldest supported dependencies'
+	@echo 'make coverage    lines of the package that the tests run, at least 95 %'
 	@echo 'make lint        ruff, import order, mypy'
 	@echo 'make bench       speed and error beside OpenCV, docs/speed.svg'
 	@echo 'make bench-live  camera and node over DDS: rate, latency, drops, memory'
@@ -47,6 +48,14 @@ test: $(TEST_STAMP)
 
 test-oldest: $(OLDEST_VENV)/.installed
 	$(OLDEST_VENV)/bin/python -m pytest -m 'not ros' $(KERNEL_TESTS)
+
+# Kernels are seen by coverage only as plain Python; the rest runs compiled, in all its processes.
+coverage: $(TEST_STAMP)
+	$(BIN)/python -m coverage erase
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m coverage run -m pytest -q -m 'not compiled' $(KERNEL_TESTS)
+	$(BIN)/python -m coverage run -m pytest -q
+	$(BIN)/python -m coverage combine -q
+	$(BIN)/python -m coverage report --fail-under=95
 
 lint: $(LINT_STAMP)
 	$(BIN)/python -m ruff check .
