@@ -16,13 +16,13 @@
 
 import math
 
+from harness import camera_info, floats, stamp_of
 import numpy as np
 import pytest
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
-from harness import camera_info, floats, stamp_of
 from stereo_refine_ros.encodings import BadMessage
 from stereo_refine_ros.node.camera import stereo_geometry
 from stereo_refine_ros.node.conversions import fill_image

@@ -20,13 +20,13 @@ import signal
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
+from harness import (
+    Client, floats, NodeProcess, reliable_inputs, running_node, stereo_messages, textured_pair)
 import numpy as np
 import pytest
 from rclpy.qos import ReliabilityPolicy
 from stereo_msgs.msg import DisparityImage
 
-from harness import (
-    Client, floats, NodeProcess, reliable_inputs, running_node, stereo_messages, textured_pair)
 from stereo_refine_ros.node.conversions import fill_image
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner

@@ -14,13 +14,13 @@
 
 """Outputs against geometry: depth, points, planes, colours, segments."""
 
+from harness import stamp_of
 import numpy as np
 import pytest
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
-from harness import stamp_of
 from stereo_refine_ros.node.outputs import (
     color_map, depth_map, image_message, point_cloud)
 from stereo_refine_ros.node.plane_markers import large_planes, plane_markers

@@ -18,10 +18,10 @@ from dataclasses import dataclass, field
 import math
 import threading
 
+from harness import stereo_messages, textured_pair
 import numpy as np
 import pytest
 
-from harness import stereo_messages, textured_pair
 from stereo_refine_ros.encodings import BadMessage
 from stereo_refine_ros.node.frame import Calibration, check_frame
 from stereo_refine_ros.node.ledger import Counts, Ledger, Throttle

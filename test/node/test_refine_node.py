@@ -18,6 +18,9 @@ import itertools
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
+from harness import (
+    camera_info, Client, floats, image_message, reliable_inputs, running_node, stamp_of,
+    stereo_messages, textured_pair)
 import numpy as np
 import pytest
 from rcl_interfaces.msg import ParameterType
@@ -25,9 +28,6 @@ from sensor_msgs.msg import Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
 from visualization_msgs.msg import MarkerArray
 
-from harness import (
-    camera_info, Client, floats, image_message, reliable_inputs, running_node, stamp_of,
-    stereo_messages, textured_pair)
 from stereo_refine_ros.node.conversions import fill_image
 from stereo_refine_ros.node.outputs import color_map, depth_map
 from stereo_refine_ros.params import load_preset, SPECS
