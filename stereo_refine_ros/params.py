@@ -60,6 +60,8 @@ class MatchingParams:
     method: str = _choice('sgbm', MATCHERS, 'matcher that makes the preliminary disparity')
     min_disparity: int = _integer(0, -2048, 2048, 'px', 'smallest disparity searched')
     num_disparities: int = _integer(64, 1, 2048, 'px', 'number of disparities searched')
+    downscale: int = _integer(
+        1, 1, 4, '-', 'scanline cost volume: image pixels per pixel, 1 full, 2 half resolution')
     nonlocal_refinement: bool = _flag(
         True, 'segment_tree, non_local: spread the stable disparities over the tree (Yang 2012)')
     second_pass: bool = _flag(
@@ -84,6 +86,9 @@ class PlaneParams:
         'guarded', PROJECTIONS,
         'full: every pixel of a fitted segment takes its plane (the paper); '
         'guarded: a pixel moves only where the evidence says so; off: planes change nothing')
+    spread: bool = _flag(
+        False, 'start from disparities spread over the image tree, not filled from the background')
+    rounds: int = _integer(1, 1, 5, '-', 'guarded: fits and projections one after the other')
     iterations: int = _integer(60, 1, 10000, '-', 'RANSAC hypotheses per segment')
     inlier_threshold: float = _number(1.0, 0.01, 100.0, 'px', 'largest residual of an inlier')
     min_inlier_ratio: float = _number(0.5, 0.0, 1.0, 'ratio', 'planes with fewer inliers fail')

@@ -24,9 +24,13 @@ import numpy as np
 
 from stereo_refine_ros.matching import compute_match
 from stereo_refine_ros.matching.match import Match
+from stereo_refine_ros.matching.scanline import gather_evidence
 from stereo_refine_ros.params import Params
+from stereo_refine_ros.refinement.filters import apply_filter
+from stereo_refine_ros.refinement.plane_stage import project_full, project_guarded, unfitted
+from stereo_refine_ros.refinement.segmentation import segment_image
 from stereo_refine_ros.types import (
-    DisparityMap, FloatMap, Image, PlaneSegmentation, RefinementResult, StereoPair)
+    DisparityMap, FloatMap, Image, LabelMap, PlaneSegmentation, RefinementResult, StereoPair)
 
 
 class StereoRefiner:
@@ -67,27 +71,46 @@ class StereoRefiner:
         with _timed(stage_ms, 'matching'):
             match = self._match(pair, preliminary)
         with _timed(stage_ms, 'segmentation'):
-            labels = np.zeros(pair.shape, np.int32)
+            labels, count = segment_image(left, self.params.segmentation)
         with _timed(stage_ms, 'planes'):
-            segments = PlaneSegmentation(
-                labels, np.full((1, 3), np.nan), np.zeros(1, bool), np.zeros(1, np.float32))
-            projected = match.disparity.values
+            segments, projected = self._project(pair, match, labels, count)
         with _timed(stage_ms, 'filter'):
-            refined = projected.copy()
+            refined = apply_filter(
+                projected, left, self.params.filter, self.params.processing.threads)
         return RefinementResult(
-            self._map(refined), match.disparity, segments, float('nan'), stage_ms)
+            self._map(refined), match.disparity, segments, _lr_ratio(match), stage_ms)
 
     def _match(self, pair: StereoPair, preliminary: FloatMap | None) -> Match:
         if preliminary is None:
-            return compute_match(pair, self.params.matching)
+            return compute_match(pair, self.params.matching, self.params.processing.threads)
         if preliminary.shape != pair.shape:
             raise ValueError(
                 f'preliminary: expected shape {pair.shape}, got {preliminary.shape}')
         return Match(self._map(preliminary.astype(np.float32)))
 
+    def _project(self, pair: StereoPair, match: Match, labels: LabelMap,
+                 count: int) -> tuple[PlaneSegmentation, FloatMap]:
+        planes, threads = self.params.planes, self.params.processing.threads
+        if planes.projection == 'off':
+            return unfitted(labels, count), match.disparity.values
+        if planes.projection == 'full':
+            return project_full(match, labels, count, planes, threads)
+        evidence = match.evidence
+        if evidence is None and pair.right is not None:
+            evidence = gather_evidence(pair, self.params.matching, threads)[0]
+        return project_guarded(pair.left, match, evidence, labels, count, planes, threads)
+
     def _map(self, values: FloatMap) -> DisparityMap:
         matching = self.params.matching
         return DisparityMap(values, matching.min_disparity, matching.num_disparities)
+
+
+def _lr_ratio(match: Match) -> float:
+    """Share of pixels that passed the left-right check, NaN where there is no right view."""
+    if match.right is None:
+        return float('nan')
+    checked = match.disparity.values if match.subpixel is None else match.subpixel
+    return float(np.count_nonzero(np.isfinite(checked))) / checked.size
 
 
 @contextmanager

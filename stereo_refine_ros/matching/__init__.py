@@ -25,6 +25,7 @@ from collections.abc import Callable
 
 from stereo_refine_ros.matching.opencv_matchers import match_bm, match_sgbm
 from stereo_refine_ros.matching.match import Match
+from stereo_refine_ros.matching.scanline import match_scanline
 from stereo_refine_ros.matching.tree_matchers import match_non_local, match_segment_tree
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.types import StereoPair
@@ -36,6 +37,7 @@ MATCHERS: dict[str, Matcher] = {
     'bm': match_bm,
     'segment_tree': match_segment_tree,
     'non_local': match_non_local,
+    'scanline': match_scanline,
 }
 
 

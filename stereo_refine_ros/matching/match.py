@@ -17,10 +17,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from numpy.typing import NDArray
-
+from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.types import DisparityMap, FloatMap
 
 
@@ -35,16 +33,15 @@ class Match:
         Left view, sub-pixel, left-right checked: NaN where the check failed or nothing matched.
     right : float32 ndarray of shape (H, W), or None
         Disparity of the right view: its column x matches column x + d of the left; NaN invalid.
-    cost : integer or float32 ndarray of shape (H, W, D), or None
-        Aggregated matching cost; the last axis is d - min_disparity. None where the matcher
-        has none (OpenCV's, external ones).
     subpixel : float32 ndarray of shape (H, W), or None
         Sub-pixel winner-takes-all disparities that passed the left-right check, NaN elsewhere:
         the data that planes are fitted to. None where `disparity` itself is that.
+    evidence : Evidence, or None
+        The optimised cost volume, where the matcher has it.
 
     """
 
     disparity: DisparityMap
     right: FloatMap | None = None
-    cost: NDArray[Any] | None = None
     subpixel: FloatMap | None = None
+    evidence: Evidence | None = None

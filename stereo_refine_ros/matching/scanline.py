@@ -16,47 +16,77 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from stereo_refine_ros.matching import scanline_kernels as kernels
-from stereo_refine_ros.matching.robust_cost import COST_UNIT
+from stereo_refine_ros.matching.evidence import Evidence
+from stereo_refine_ros.matching.match import Match
+from stereo_refine_ros.matching.robust_cost import COST_UNIT, robust_cost_volume
+from stereo_refine_ros.params import MatchingParams
+from stereo_refine_ros.refinement.consistency import left_right_check
 from stereo_refine_ros.threads import run_bands
-from stereo_refine_ros.types import FloatMap, Image, StereoPair
+from stereo_refine_ros.types import DisparityMap, FloatMap, Image, StereoPair
 
 # Penalties in units of cost, and what is left of them where one view or both show an edge.
 _P1, _P2 = 2.0, 4.5
 _EDGE_FACTORS = (0.1, 0.15, 1.0)
 _EDGE_THRESHOLD = 20
+# Left and right winners may differ by one step: slanted surfaces do.
+_TOLERANCE = 1.0
+_ISLAND = 10
 
 
-@dataclass(frozen=True, eq=False)
-class ScanlineResult:
+def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
     """
-    Winners of both views.
+    Match by scanline optimisation of the truncated cost, at `params.downscale`.
 
-    Attributes
-    ----------
-    total : int16 ndarray of shape (H, W, D)
-        Sum of the four paths.
-    left, right : int32 ndarray of shape (H, W)
-        Index of the best disparity; -1 in `right` where no left pixel reaches.
-    subpixel : float32 ndarray of shape (H, W)
-        `left` with its parabola offset, as index.
+    `disparity` is sub-pixel and NaN where left and right winners differ by more than a step.
+    """
+    evidence, winners, subpixel = gather_evidence(pair, params, threads)
+    right = np.where(evidence.right < 0, np.float32(np.nan),
+                     (evidence.right + evidence.min_disparity).astype(np.float32))
+    first = np.float32(evidence.min_disparity)
+    stable = left_right_check(winners + first, right, _TOLERANCE)
+    stable &= ~_islands(np.where(stable, winners, -1))
+    values = np.where(stable, subpixel + first, np.float32(np.nan))
+    if params.downscale > 1:
+        values = _enlarge(values, pair.shape, params.downscale)
+        right = _enlarge(right, pair.shape, params.downscale)
+    disparity = DisparityMap(values, params.min_disparity, params.num_disparities)
+    return Match(disparity, right, evidence=evidence)
+
+
+def gather_evidence(pair: StereoPair, params: MatchingParams, threads: int = 1,
+                    ) -> tuple[Evidence, FloatMap, FloatMap]:
+    """
+    Run four paths over the cost volume of a pair, and take the winners of both views.
+
+    Returns
+    -------
+    evidence : Evidence
+    winners, subpixel : float32 ndarray of shape (h, w)
+        Index of the best disparity of the left view, and the same with its parabola offset.
 
     """
+    scale = params.downscale
+    first = int(np.floor(params.min_disparity / scale))
+    depth = -(-(params.min_disparity + params.num_disparities) // scale) - first
+    pair = _shrink(pair, scale)
+    cost = robust_cost_volume(pair, first, depth, threads)
+    total = _sum_paths(pair, cost, first, threads)
+    height, width = pair.shape
+    winners, subpixel = np.empty((2, height, width), np.float32)
+    least = np.empty((height, width), np.int16)
+    right = np.empty((height, width), np.int32)
+    run_bands(kernels._winner_kernel, height, threads, total, winners, subpixel, least)
+    run_bands(kernels._right_winner_kernel, height, threads, total, first, right)
+    return Evidence(total, least, cost, right, first, scale), winners, subpixel
 
-    total: NDArray[np.int16]
-    left: NDArray[np.int32]
-    right: NDArray[np.int32]
-    subpixel: FloatMap
 
-
-def optimize_scanlines(pair: StereoPair, cost: NDArray[np.uint8], min_disparity: int,
-                       threads: int = 1) -> ScanlineResult:
-    """Run four paths over the cost volume and take the winners of both views."""
+def _sum_paths(pair: StereoPair, cost: NDArray[np.uint8], min_disparity: int,
+               threads: int) -> NDArray[np.int16]:
     assert pair.right is not None
     height, width, depth = cost.shape
     limits = _limits()
@@ -67,12 +97,36 @@ def optimize_scanlines(pair: StereoPair, cost: NDArray[np.uint8], min_disparity:
     run_bands(kernels._vertical_kernel, width, threads, cost,
               _flat(pair.left, 0), _mirrored(_flat(pair.right, 0), min_disparity, depth),
               limits, total)
-    left = np.empty((height, width), np.int32)
-    right = np.empty((height, width), np.int32)
-    subpixel = np.empty((height, width), np.float32)
-    run_bands(kernels._winner_kernel, height, threads, total, left, subpixel)
-    run_bands(kernels._right_winner_kernel, height, threads, total, min_disparity, right)
-    return ScanlineResult(total, left, right, subpixel)
+    return total
+
+
+def _shrink(pair: StereoPair, scale: int) -> StereoPair:
+    """Average blocks of scale x scale pixels; a rest at the right and the lower border repeats."""
+    if scale == 1:
+        return pair
+    height, width = pair.shape
+    size = -(-width // scale), -(-height // scale)
+    below, beside = size[1] * scale - height, size[0] * scale - width
+    left, right = (
+        cv2.resize(cv2.copyMakeBorder(image, 0, below, 0, beside, cv2.BORDER_REPLICATE), size,
+                   interpolation=cv2.INTER_AREA)
+        for image in (pair.left, pair.right))
+    return StereoPair(left, right)
+
+
+def _enlarge(values: FloatMap, shape: tuple[int, int], scale: int) -> FloatMap:
+    """Give every pixel of the image its block's disparity, in pixels of the image."""
+    large = values.repeat(scale, axis=0).repeat(scale, axis=1)
+    return large[:shape[0], :shape[1]] * np.float32(scale)
+
+
+def _islands(winners: FloatMap) -> NDArray[np.bool_]:
+    """Mark matched pixels whose connected region of like disparity is below _ISLAND pixels."""
+    # OpenCV's speckle filter works on 16-bit maps; 8 steps leave it room for 4096 disparities.
+    steps = (winners * 8).astype(np.int16)
+    kept = steps.copy()
+    cv2.filterSpeckles(kept, -8, _ISLAND, 8)
+    return kept != steps
 
 
 def _limits() -> NDArray[np.int16]:

@@ -99,8 +99,8 @@ def _vertical_kernel(start, stop, cost, flat_left, flat_right, limits, total):
 
 
 @njit(cache=True, nogil=True)
-def _winner_kernel(start, stop, total, winner, subpixel):
-    """Left view: index of the least total and its parabola offset, rows start..stop."""
+def _winner_kernel(start, stop, total, winner, subpixel, least):
+    """Left view: index of the least total, that with its parabola offset, and the total."""
     _, width, depth = total.shape
     for y in range(start, stop):
         for x in range(width):
@@ -112,6 +112,7 @@ def _winner_kernel(start, stop, total, winner, subpixel):
             while row[best] != lowest:
                 best += 1
             winner[y, x] = best
+            least[y, x] = lowest
             offset = np.float32(0)
             if 0 < best < depth - 1:
                 before = np.float32(row[best - 1] - lowest)

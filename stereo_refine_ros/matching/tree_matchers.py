@@ -66,7 +66,7 @@ def _match_on_tree(pair: StereoPair, params: MatchingParams, build: TreeBuilder,
 
     With `nonlocal_refinement` the disparity is dense and whole, as its authors have it;
     without, it is sub-pixel and NaN where the check failed. `subpixel` is the latter in any
-    case, `cost` the aggregated cost of the left view, `right` the winners of the right view.
+    case, `right` the winners of the right view.
     """
     left, right = _aggregate_views(pair, params, build, threads)
     colour_tree = left.tree
@@ -85,7 +85,7 @@ def _match_on_tree(pair: StereoPair, params: MatchingParams, build: TreeBuilder,
             params.num_disparities, TREE_SIGMA / 2, threads=threads)
         values = cv2.medianBlur(refined, _MEDIAN)
     disparity = DisparityMap(values, params.min_disparity, params.num_disparities)
-    return Match(disparity, right.winners, left.volume, subpixel)
+    return Match(disparity, right.winners, subpixel)
 
 
 def _aggregate_views(pair: StereoPair, params: MatchingParams, build: TreeBuilder, threads: int,

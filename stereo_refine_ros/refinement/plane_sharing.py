@@ -46,7 +46,7 @@ def merge_coplanar(fits: PlaneFits, borders: Borders, params: PlaneParams) -> ND
 
     """
     count = fits.planes.shape[0]
-    order = np.argsort(borders.color_change, kind='stable')
+    order = np.argsort(borders.color_distance, kind='stable')
     parent, size = make_sets(count)
     trusted = (fits.inlier_ratio >= params.min_inlier_ratio) & (fits.moments[:, 0] >= MIN_DATA)
     planes = fits.planes.copy()
@@ -67,8 +67,7 @@ def adopt_planes(planes: NDArray[np.float64], fits: PlaneFits, borders: Borders,
 
     """
     own = (fits.data_count >= MIN_DATA) & (fits.inlier_ratio > params.min_inlier_ratio)
-    unlikeness = (borders.color_change
-                  - 2 * np.log(np.maximum(borders.length, 1))).astype(np.float64)
+    unlikeness = (borders.color_distance - 2 * np.log(borders.length)).astype(np.float64)
     adopted = np.where(own[:, None], planes, np.nan)
     _adopt_kernel(borders.pairs, unlikeness, adopted, own.copy())
     return adopted, own

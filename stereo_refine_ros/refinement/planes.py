@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_refine_ros.params import PlaneParams
-from stereo_refine_ros.refinement.regions import group_pixels
+from stereo_refine_ros.refinement.regions import PixelLists
 from stereo_refine_ros.threads import run_bands
-from stereo_refine_ros.types import FloatMap, LabelMap
+from stereo_refine_ros.types import FloatMap
 
 # Fewer data than this say nothing about a slanted plane.
 MIN_DATA = 30
@@ -61,22 +61,23 @@ class PlaneFits:
     moments: NDArray[np.float64]
 
 
-def fit_planes(labels: LabelMap, count: int, data: FloatMap, params: PlaneParams,
+def fit_planes(lists: PixelLists, data: FloatMap, params: PlaneParams,
                threads: int = 1) -> PlaneFits:
     """
     Fit a plane to the disparities of every segment: MSAC, then least-squares refits.
 
     Parameters
     ----------
-    labels : int32 ndarray of shape (H, W), 0..count-1
+    lists : PixelLists
+        The pixels of every segment.
     data : float32 ndarray of shape (H, W)
         Sub-pixel disparities, NaN where there is no trustworthy one.
 
     """
-    pixels, starts = group_pixels(labels, count)
+    count = lists.starts.size - 1
     fits = PlaneFits(np.full((count, 3), np.nan), np.zeros(count, np.float32),
                      np.zeros(count, np.int32), np.zeros((count, 10)))
-    run_bands(_fit_kernel, count, threads, pixels, starts, data, params.iterations,
+    run_bands(_fit_kernel, count, threads, lists.pixels, lists.starts, data, params.iterations,
               np.float32(params.inlier_threshold), params.seed,
               fits.planes, fits.inlier_ratio, fits.data_count, fits.moments)
     return fits

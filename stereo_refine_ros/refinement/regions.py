@@ -24,6 +24,26 @@ from numpy.typing import NDArray
 
 from stereo_refine_ros.types import Image, LabelMap
 
+IndexArray = NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class PixelLists:
+    """
+    The pixels of every segment.
+
+    Attributes
+    ----------
+    pixels : int32 ndarray of shape (H * W,)
+        Flat indices, segment after segment, in raster order within each.
+    starts : int32 ndarray of shape (N + 1,)
+        Segment i owns pixels[starts[i]:starts[i + 1]].
+
+    """
+
+    pixels: IndexArray
+    starts: IndexArray
+
 
 @dataclass(frozen=True, eq=False)
 class Borders:
@@ -32,48 +52,45 @@ class Borders:
 
     Attributes
     ----------
-    pairs : int32 ndarray of shape (M, 2), lower label first
-    length : int32 ndarray of shape (M,)
+    pairs : int32 ndarray of shape (M, 2)
+        Labels of the two segments, the lower one first.
+    length : float32 ndarray of shape (M,)
         Pixel edges along the border.
-    color_change : float32 ndarray of shape (M,)
-        Mean over the border of the summed absolute channel difference.
+    contrast : float32 ndarray of shape (M,)
+        Mean over the border of the summed absolute channel differences across it.
+    color_distance : float32 ndarray of shape (M,)
+        Summed absolute channel differences of the two segments' mean colours.
+    middle : float32 ndarray of shape (M, 2)
+        Mean x and y of the border.
 
     """
 
-    pairs: NDArray[np.int32]
-    length: NDArray[np.int32]
-    color_change: NDArray[np.float32]
+    pairs: IndexArray
+    length: NDArray[np.float32]
+    contrast: NDArray[np.float32]
+    color_distance: NDArray[np.float32]
+    middle: NDArray[np.float32]
 
 
-def group_pixels(labels: LabelMap, count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """
-    List the pixels of every segment.
-
-    Returns
-    -------
-    pixels : int32 ndarray of shape (H * W,)
-        Flat indices, segment after segment, in raster order within each.
-    starts : int32 ndarray of shape (N + 1,)
-        Segment i owns pixels[starts[i]:starts[i + 1]].
-
-    """
-    pixels = np.empty(labels.size, np.int32)
-    starts = np.zeros(count + 1, np.int32)
-    _group_kernel(labels.reshape(-1), pixels, starts)
-    return pixels, starts
+def group_pixels(labels: LabelMap, count: int) -> PixelLists:
+    """List the pixels of segments 0..count - 1."""
+    lists = PixelLists(np.empty(labels.size, np.int32), np.zeros(count + 1, np.int32))
+    _group_kernel(labels.reshape(-1), lists.pixels, lists.starts)
+    return lists
 
 
-def find_borders(labels: LabelMap, image: Image) -> Borders:
-    """Find all pairs of 4-neighbouring segments with the length and contrast of their border."""
+def find_borders(labels: LabelMap, count: int, image: Image) -> Borders:
+    """Find all pairs of 4-neighbouring segments, and how alike the two are."""
     height, width = labels.shape
-    keys = np.empty(height * width * 2, np.int64)
-    change = np.empty(height * width * 2, np.int32)
-    found = _border_kernel(labels, image.reshape(height, width, -1), keys, change)
-    unique, where, length = np.unique(keys[:found], return_inverse=True, return_counts=True)
-    total = np.bincount(where, weights=change[:found], minlength=unique.size)
-    pairs = np.stack([unique >> 32, unique & 0xFFFFFFFF], axis=1).astype(np.int32)
-    return Borders(pairs, length.astype(np.int32),
-                   (total / np.maximum(length, 1)).astype(np.float32))
+    channels = image.reshape(height, width, -1)
+    pairs, sums = _border_kernel(labels, count, channels)
+    length = sums[:, 0]
+    colors = _mean_color_kernel(labels, count, channels)
+    distance = np.abs(colors[pairs[:, 0]] - colors[pairs[:, 1]]).mean(axis=1) * 3
+    # Grey images count as three equal channels.
+    contrast = sums[:, 1] * (3 / channels.shape[2]) / length
+    return Borders(pairs, length, contrast.astype(np.float32), distance.astype(np.float32),
+                   sums[:, 2:] / length[:, None])
 
 
 @njit(cache=True, nogil=True)
@@ -89,21 +106,80 @@ def _group_kernel(labels, pixels, starts):
 
 
 @njit(cache=True, nogil=True)
-def _border_kernel(labels, image, keys, change):
-    height, width = labels.shape
-    found = 0
+def _mean_color_kernel(labels, count, image):
+    height, width, channels = image.shape
+    sums = np.zeros((count, channels), np.float32)
+    size = np.zeros(count, np.float32)
     for y in range(height):
         for x in range(width):
-            for direction in range(2):
-                ny, nx = y + direction, x + 1 - direction
-                if ny == height or nx == width or labels[y, x] == labels[ny, nx]:
-                    continue
-                a, b = np.int64(labels[y, x]), np.int64(labels[ny, nx])
-                keys[found] = (min(a, b) << 32) | max(a, b)
-                total = np.int32(0)
-                for c in range(image.shape[2]):
-                    total += abs(np.int32(image[y, x, c]) - np.int32(image[ny, nx, c]))
-                # Grey images count as three equal channels.
-                change[found] = total * 3 // image.shape[2]
+            label = labels[y, x]
+            size[label] += 1
+            for c in range(channels):
+                sums[label, c] += image[y, x, c]
+    for label in range(count):
+        for c in range(channels):
+            sums[label, c] /= size[label]
+    return sums
+
+
+@njit(cache=True, nogil=True)
+def _border_kernel(labels, count, image):
+    """Pairs of touching labels; sums of 1, colour change, x and y over each border."""
+    edges, starts = _edges_by_lower_label(labels, count)
+    height, width = labels.shape
+    seen_for = np.full(count, -1, np.int32)
+    slot = np.empty(count, np.int32)
+    pairs = np.empty((edges.shape[0], 2), np.int32)
+    sums = np.zeros((edges.shape[0], 4), np.float32)
+    found = 0
+    for low in range(count):
+        for i in range(starts[low], starts[low + 1]):
+            y, x = (edges[i] >> 1) // width, (edges[i] >> 1) % width
+            down = edges[i] & 1
+            ny, nx = y + down, x + 1 - down
+            high = max(labels[y, x], labels[ny, nx])
+            if seen_for[high] != low:
+                seen_for[high] = low
+                slot[high] = found
+                pairs[found, 0], pairs[found, 1] = low, high
                 found += 1
-    return found
+            change = np.int32(0)
+            for c in range(image.shape[2]):
+                change += abs(np.int32(image[y, x, c]) - np.int32(image[ny, nx, c]))
+            row = sums[slot[high]]
+            row[0] += 1
+            row[1] += change
+            row[2] += np.float32(0.5) * (x + nx)
+            row[3] += np.float32(0.5) * (y + ny)
+    return pairs[:found].copy(), sums[:found].copy()
+
+
+@njit(cache=True, nogil=True)
+def _edges_by_lower_label(labels, count):
+    """Codes 2 * pixel + direction (0 right, 1 down) of all border edges, counting-sorted."""
+    height, width = labels.shape
+    starts = np.zeros(count + 1, np.int32)
+    for y in range(height):
+        for x in range(width):
+            here = labels[y, x]
+            if x + 1 < width and labels[y, x + 1] != here:
+                starts[min(here, labels[y, x + 1]) + 1] += 1
+            if y + 1 < height and labels[y + 1, x] != here:
+                starts[min(here, labels[y + 1, x]) + 1] += 1
+    for i in range(count):
+        starts[i + 1] += starts[i]
+    cursor = starts.copy()
+    edges = np.empty(starts[count], np.int32)
+    for y in range(height):
+        for x in range(width):
+            here = labels[y, x]
+            code = 2 * (y * width + x)
+            if x + 1 < width and labels[y, x + 1] != here:
+                low = min(here, labels[y, x + 1])
+                edges[cursor[low]] = code
+                cursor[low] += 1
+            if y + 1 < height and labels[y + 1, x] != here:
+                low = min(here, labels[y + 1, x])
+                edges[cursor[low]] = code + 1
+                cursor[low] += 1
+    return edges, starts

@@ -46,10 +46,10 @@ def weighted_median(values: FloatMap, guide: Image, radius: int, sigma_color: fl
     The weight is exp(-r^2 / (2 sigma_space^2)) (1 - |dC| / (4 sigma_color))^2, zero from
     |dC| = 4 sigma_color on, where |dC| is the mean absolute difference of the channels.
 
-    The result is within 1/32 px of an exact weighted median with 8-bit weights, for a range of
-    up to 2000 px: disparities are compared in steps of 1/16 px. A pixel already in the
+    The result is within 1/16 px of an exact weighted median with 8-bit weights, for a range of
+    up to 2000 px: disparities are compared in steps of 1/16 px, and a pixel already in the
     median's step keeps its value. Windows of radius 6 and more are sampled on a grid of at most
-    11 x 11 of their pixels.
+    11 x 11 of their pixels. Between two halves of equal weight, the upper value is the median.
 
     Parameters
     ----------

@@ -1,0 +1,163 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Choice among planes: every segment takes the one plane, its own or a neighbour's, that fits best.
+
+A wrong match that is consistent within a segment gives a good fit and a wrong plane. Only the
+images and the neighbours can tell: the energy of a plane is the matching cost it has inside the
+segment, plus the steps it makes along borders that show no contrast. Minimised segment by
+segment (iterated conditional modes), like the label stage of segment-based stereo.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+import numpy as np
+from numpy.typing import NDArray
+
+from stereo_refine_ros.matching.evidence import Evidence
+from stereo_refine_ros.matching.robust_cost import COST_UNIT
+from stereo_refine_ros.refinement.regions import Borders, PixelLists
+
+_PASSES = 3
+# Pixels of a segment that its planes are tried on.
+_SAMPLES = 100
+# Cost of a unit of border whose two planes differ by a pixel, at no contrast.
+_SMOOTHNESS = 4.0
+_CONTRAST_SCALE = 30.0
+_LARGEST_STEP = 2.0
+# Cost of an unmatched pixel that a plane would explain as occluded, or as out of view.
+_OCCLUDED, _OUT_OF_VIEW = 0.5, 0.8
+# ... and of one that did find a consistent match: it cannot be invisible.
+_CONTRADICTED = 2.0
+
+
+def select_planes(planes: NDArray[np.float64], lists: PixelLists, borders: Borders,
+                  evidence: Evidence, matched: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """
+    Let segments take over neighbours' planes where that lowers the energy.
+
+    Parameters
+    ----------
+    planes : float64 ndarray of shape (N, 3), NaN where a segment has none
+    matched : bool ndarray of shape (H, W)
+        Pixels whose match passed the left-right check.
+
+    Returns
+    -------
+    float64 ndarray of shape (N, 3)
+
+    """
+    count = planes.shape[0]
+    ends = borders.pairs.T.reshape(-1)
+    order = np.argsort(ends, kind='stable')
+    touching = (order % len(borders.pairs)).astype(np.int32) if len(order) else order
+    first = np.searchsorted(ends[order], np.arange(count + 1))
+    weight = (_SMOOTHNESS * borders.length
+              * np.exp(-borders.contrast / _CONTRAST_SCALE)).astype(np.float64)
+    chosen = planes.copy()
+    _select_kernel(chosen, lists.pixels, lists.starts, borders.pairs, borders.middle, weight,
+                   touching, first, (evidence.cost, evidence.right, evidence.min_disparity,
+                                     evidence.downscale), matched)
+    return chosen
+
+
+@njit(cache=True, nogil=True)
+def _select_kernel(planes, pixels, starts, pairs, middle, weight, touching, first,
+                   evidence, matched):
+    count = planes.shape[0]
+    is_stale = np.ones(count, np.bool_)
+    for _ in range(_PASSES):
+        for label in range(count):
+            if not is_stale[label]:
+                continue
+            is_stale[label] = False
+            borders = touching[first[label]:first[label + 1]]
+            members = pixels[starts[label]:starts[label + 1]]
+            giver = -1
+            lowest = np.inf
+            if np.isfinite(planes[label, 0]):
+                giver = label
+                lowest = (_data_energy(planes[label], members, evidence, matched)
+                          + _step_energy(planes[label], label, borders, pairs, middle, weight,
+                                         planes))
+            own = giver
+            for border in borders:
+                other = pairs[border, 0] + pairs[border, 1] - label
+                if not np.isfinite(planes[other, 0]) or _is_same(planes[other], planes[label]):
+                    continue
+                energy = _step_energy(planes[other], label, borders, pairs, middle, weight, planes)
+                if energy < lowest:
+                    energy += _data_energy(planes[other], members, evidence, matched)
+                if energy < lowest:
+                    lowest, giver = energy, other
+            if giver != own:
+                planes[label] = planes[giver]
+                for border in borders:
+                    is_stale[pairs[border, 0] + pairs[border, 1] - label] = True
+
+
+@njit(cache=True, nogil=True)
+def _is_same(a, b):
+    return a[0] == b[0] and a[1] == b[1] and a[2] == b[2]
+
+
+@njit(cache=True, nogil=True)
+def _data_energy(plane, members, evidence, matched):
+    """Summed matching cost of a plane over a segment, from a sample of its pixels."""
+    width = matched.shape[1]
+    step = max(1, members.shape[0] // _SAMPLES)
+    energy = 0.0
+    tried = 0
+    for i in range(0, members.shape[0], step):
+        x, y = members[i] % width, members[i] // width
+        d = plane[0] * x + plane[1] * y + plane[2]
+        energy += _pixel_cost(x, y, d, evidence, matched[y, x])
+        tried += 1
+    return energy / tried * members.shape[0]
+
+
+@njit(cache=True, nogil=True)
+def _step_energy(plane, label, borders, pairs, middle, weight, planes):
+    """Cost of the steps that a plane makes at the middle of every border of its segment."""
+    energy = 0.0
+    for border in borders:
+        other = planes[pairs[border, 0] + pairs[border, 1] - label]
+        if np.isfinite(other[0]):
+            step = abs((plane[0] - other[0]) * middle[border, 0]
+                       + (plane[1] - other[1]) * middle[border, 1] + plane[2] - other[2])
+            energy += weight[border] * min(step, _LARGEST_STEP)
+    return energy
+
+
+@njit(cache=True, nogil=True)
+def _pixel_cost(x, y, d, evidence, is_matched):
+    cost, right, min_disparity, downscale = evidence
+    height, width, depth = cost.shape
+    y = min(y // downscale, height - 1)
+    x = min(x // downscale, width - 1)
+    d = d / downscale
+    partner = int(np.floor(x - d + 0.5))
+    if partner < 0 or partner >= width:
+        return _CONTRADICTED if is_matched else _OUT_OF_VIEW
+    if right[y, partner] + min_disparity > d + 1.0 and not is_matched:
+        return _OCCLUDED
+    index = d - min_disparity
+    if index < 0 or index > depth - 1:
+        return _CONTRADICTED
+    low = int(index)
+    rest = index - low
+    high = min(low + 1, depth - 1)
+    return (cost[y, x, low] * (1 - rest) + cost[y, x, high] * rest) / COST_UNIT

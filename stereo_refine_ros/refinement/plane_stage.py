@@ -1,0 +1,134 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The plane stage: fit, share, select and project, round after round.
+
+`refine_with_planes` is the heart of the package: from a preliminary disparity with holes to a
+dense one whose every change has evidence in the images.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from stereo_refine_ros.matching.evidence import Evidence
+from stereo_refine_ros.matching.match import Match
+from stereo_refine_ros.matching.pixel_graph import edge_weights
+from stereo_refine_ros.matching.tree_aggregation import minimum_tree, PixelTree
+from stereo_refine_ros.params import PlaneParams
+from stereo_refine_ros.quality.filling import fill_from_background
+from stereo_refine_ros.refinement.plane_selection import select_planes
+from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar
+from stereo_refine_ros.refinement.planes import fit_planes, PlaneFits
+from stereo_refine_ros.refinement.projection import choose_candidates, plane_disparities
+from stereo_refine_ros.refinement.regions import Borders, find_borders, group_pixels, PixelLists
+from stereo_refine_ros.refinement.tree_filter import spread_over_tree
+from stereo_refine_ros.types import FloatMap, Image, LabelMap, PlaneSegmentation
+
+# Fit data farther than this from the current map are outliers of the matcher.
+_FIT_REACH = 2.0
+# A matched pixel whose whole-step disparity was kept gets its sub-pixel disparity back.
+_SUBPIXEL_REACH = 0.75
+_ROUND_MEDIAN = 5
+_SPREAD_SIGMA, _SPREAD_LIMIT = 0.05, 4.0
+
+
+def unfitted(labels: LabelMap, count: int) -> PlaneSegmentation:
+    """Segments without planes, for a pipeline that leaves the planes out."""
+    return PlaneSegmentation(labels, np.full((count, 3), np.nan), np.zeros(count, np.bool_),
+                             np.zeros(count, np.float32))
+
+
+def project_full(match: Match, labels: LabelMap, count: int, params: PlaneParams,
+                 threads: int = 1) -> tuple[PlaneSegmentation, FloatMap]:
+    """
+    Give every pixel of a fitted segment its plane, as the paper does (section 2.4).
+
+    Segments whose inlier ratio is too low keep what they had, holes included.
+    """
+    data = match.disparity.values if match.subpixel is None else match.subpixel
+    fits = fit_planes(group_pixels(labels, count), data, params, threads)
+    is_fitted = fits.inlier_ratio >= max(params.min_inlier_ratio, 1e-6)
+    planes = np.where(is_fitted[:, None], fits.planes, np.nan)
+    projected = plane_disparities(labels, planes, *_range(match))
+    values = np.where(np.isnan(projected), match.disparity.values, projected)
+    return PlaneSegmentation(labels, planes, is_fitted, fits.inlier_ratio), values
+
+
+def project_guarded(image: Image, match: Match, evidence: Evidence | None, labels: LabelMap,
+                    count: int, params: PlaneParams, threads: int = 1,
+                    ) -> tuple[PlaneSegmentation, FloatMap]:
+    """
+    Let the planes change the map where the evidence says so, and fill its holes.
+
+    Without evidence (no right view) valid pixels keep their disparity.
+
+    Returns
+    -------
+    segments : PlaneSegmentation
+    values : float32 ndarray of shape (H, W)
+        Dense, unless the preliminary map has no valid pixel at all.
+
+    """
+    data = match.disparity.values if match.subpixel is None else match.subpixel
+    matched = np.isfinite(data)
+    lists = group_pixels(labels, count)
+    borders = find_borders(labels, count, image)
+    tree = minimum_tree(edge_weights(cv2.medianBlur(image, 3)))
+    begin = current = _start(match, data, tree, params, threads)
+    for turn in range(params.rounds):
+        current = begin if turn == 0 else cv2.medianBlur(current, _ROUND_MEDIAN)
+        near = np.where(np.abs(data - current) <= _FIT_REACH, data, np.float32(np.nan))
+        fits = fit_planes(lists, near, params, threads)
+        planes, own = _share(fits, lists, borders, evidence, matched, params)
+        proposed = plane_disparities(labels, planes, *_range(match))
+        if evidence is None:
+            current = np.where(matched | np.isnan(proposed), current, proposed)
+        else:
+            others = (begin,) if turn == 0 else (begin, current)
+            current = choose_candidates(proposed, others, evidence, tree, threads)
+    if params.spread:
+        current = np.where(np.abs(data - current) <= _SUBPIXEL_REACH, data, current)
+    is_fitted = own & np.isfinite(planes[:, 0])
+    return PlaneSegmentation(labels, planes, is_fitted, fits.inlier_ratio), current
+
+
+def _start(match: Match, data: FloatMap, tree: PixelTree, params: PlaneParams,
+           threads: int) -> FloatMap:
+    """Fill the holes of the preliminary map; with `spread`, let the stable pixels vote anew."""
+    if not params.spread:
+        return fill_from_background(match.disparity.values)
+    spread = spread_over_tree(
+        np.rint(data), tree, match.disparity.min_disparity, match.disparity.num_disparities,
+        _SPREAD_SIGMA, _SPREAD_LIMIT, threads)
+    return cv2.medianBlur(spread, 3)
+
+
+def _share(fits: PlaneFits, lists: PixelLists, borders: Borders, evidence: Evidence | None,
+           matched: NDArray[np.bool_], params: PlaneParams,
+           ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Merge, adopt, select; `own` marks segments whose plane rests on their own data."""
+    merged = merge_coplanar(fits, borders, params)
+    planes, own = adopt_planes(merged, fits, borders, params)
+    if evidence is not None:
+        planes = select_planes(planes, lists, borders, evidence, matched)
+    return planes, own
+
+
+def _range(match: Match) -> tuple[float, float]:
+    first = match.disparity.min_disparity
+    return float(first), float(first + match.disparity.num_disparities - 1)

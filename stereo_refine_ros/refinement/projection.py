@@ -1,0 +1,118 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Projection of the planes into the disparity map, full as in the paper or guarded by evidence.
+
+Guarded, every pixel has candidates: what it had, and what the planes say. Each candidate costs
+what the optimised matching volume says against it; a candidate that the right view occludes is
+no evidence at all, and then the plane is the better guess. The costs are averaged over the
+minimum spanning tree of the image, and the cheapest candidate wins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from numba import njit
+import numpy as np
+from numpy.typing import NDArray
+
+from stereo_refine_ros.matching.evidence import Evidence, TOTAL_UNIT
+from stereo_refine_ros.matching.tree_aggregation import aggregate, PixelTree
+from stereo_refine_ros.threads import run_bands
+from stereo_refine_ros.types import FloatMap, LabelMap
+
+_SIGMA = 0.02
+_LARGEST_COST = 2.0
+_OCCLUDED, _OUT_OF_VIEW = 0.1, 0.5
+# Where nothing can be seen, the plane is preferred to what filled the hole.
+_BLIND_GUESS = 1.0
+# The right view sees something farther there: the candidate would have to be visible.
+_TRANSPARENT = 1.0
+
+
+def plane_disparities(labels: LabelMap, planes: NDArray[np.float64], low: float,
+                      high: float) -> FloatMap:
+    """Evaluate every pixel's plane, limited to low..high; NaN where its segment has none."""
+    values = np.empty(labels.shape, np.float32)
+    _plane_kernel(labels, planes, low, high, values)
+    return values
+
+
+def choose_candidates(proposed: FloatMap, others: Sequence[FloatMap], evidence: Evidence,
+                      tree: PixelTree, threads: int = 1) -> FloatMap:
+    """
+    Choose between the planes' disparities and others, pixel by pixel.
+
+    Parameters
+    ----------
+    proposed : float32 ndarray of shape (H, W)
+        The planes' disparities; NaN is never chosen.
+    others : sequence of float32 ndarray of shape (H, W)
+        Dense maps; where costs are equal the first of them wins.
+
+    Returns
+    -------
+    float32 ndarray of shape (H, W)
+
+    """
+    candidates = [*others, np.where(np.isnan(proposed), others[0], proposed)]
+    costs = np.empty((*proposed.shape, len(candidates)), np.float32)
+    view = (evidence.total, evidence.least, evidence.right, evidence.min_disparity,
+            evidence.downscale)
+    for i, candidate in enumerate(candidates):
+        blind_guess = 0.0 if i == len(others) else _BLIND_GUESS
+        run_bands(_cost_kernel, proposed.shape[0], threads, candidate, view, blind_guess,
+                  costs[..., i])
+    aggregate(costs, tree, _SIGMA)
+    return np.choose(costs.argmin(axis=2), candidates)
+
+
+@njit(cache=True, nogil=True)
+def _plane_kernel(labels, planes, low, high, values):
+    height, width = labels.shape
+    for y in range(height):
+        for x in range(width):
+            plane = planes[labels[y, x]]
+            d = plane[0] * x + plane[1] * y + plane[2]
+            values[y, x] = d if np.isnan(d) else min(max(d, low), high)
+
+
+@njit(cache=True, nogil=True)
+def _cost_kernel(start, stop, values, evidence, blind_guess, costs):
+    total, least, right, min_disparity, downscale = evidence
+    height, width, depth = total.shape
+    for row in range(start, stop):
+        y = min(row // downscale, height - 1)
+        for column in range(values.shape[1]):
+            x = min(column // downscale, width - 1)
+            d = values[row, column] / downscale
+            partner = int(np.floor(x - d + 0.5))
+            if partner < 0 or partner >= width:
+                costs[row, column] = _OUT_OF_VIEW + blind_guess
+                continue
+            seen = right[y, partner]
+            if seen + min_disparity > d + 1:
+                costs[row, column] = _OCCLUDED + blind_guess
+                continue
+            index = min(max(d - min_disparity, 0.0), depth - 1.0)
+            low = int(index)
+            rest = index - low
+            high = min(low + 1, depth - 1)
+            excess = total[y, x, low] * (1 - rest) + total[y, x, high] * rest - least[y, x]
+            cost = min(excess / TOTAL_UNIT, _LARGEST_COST)
+            if seen >= 0 and seen + min_disparity < d - 1:
+                cost += _TRANSPARENT
+            costs[row, column] = cost
