@@ -47,3 +47,88 @@ def spanning_tree_weight(edges, count):
         inside |= {a, b}
         total += weight
     return total
+
+
+def truncated_cost(left, right, min_disparity, num_disparities, is_left):
+    """Compute the cost volume of one view pixel by pixel, in float64."""
+    base, other, sign = (left, right, -1) if is_left else (right, left, 1)
+    height, width = base.shape[:2]
+    volume = np.full((height, width, num_disparities), np.nan)
+    for y in range(height):
+        for x in range(width):
+            for k in range(num_disparities):
+                partner = x + sign * (min_disparity + k)
+                if not is_left:
+                    partner = min(max(partner, 0), width - 1)
+                if 0 <= partner < width:
+                    volume[y, x, k] = pixel_cost(base, other, y, x, partner)
+    return nearest_of_row(volume) if is_left else volume
+
+
+def pixel_cost(base, other, y, x, partner):
+    """Return 0.11 min(mean |dBGR|, 7) + 0.89 min(|d of the x-gradient|, 2)."""
+    colour = np.abs(base[y, x].astype(float) - other[y, partner].astype(float)).mean()
+    gradient = abs(x_gradient(base[y], x) - x_gradient(other[y], partner))
+    return 0.11 * min(colour, 7.0) + 0.89 * min(gradient, 2.0)
+
+
+def x_gradient(row, x):
+    """Return the central difference of the rounded grey values, the border repeated."""
+    if row.ndim == 2:
+        grey = np.rint(row.astype(float) @ [0.114, 0.587, 0.299])
+    else:
+        grey = row.astype(float)
+    last = len(grey) - 1
+    return 0.5 * (grey[min(x + 1, last)] - grey[max(x - 1, 0)])
+
+
+def nearest_of_row(volume):
+    """Fill NaN from the nearest pixel of the row with a cost, else with the largest cost."""
+    filled = volume.copy()
+    for y, x, k in np.argwhere(np.isnan(volume)):
+        known = np.flatnonzero(np.isfinite(volume[y, :, k]))
+        nearest = known[np.abs(known - x).argmin()] if len(known) else None
+        filled[y, x, k] = 2.55 if nearest is None else volume[y, nearest, k]
+    return filled
+
+
+def segment_tree_edges(image, scale, large, penalty):
+    """Return {code: weight} of the segment tree, with sets as Python sets."""
+    edges = sorted(graph_edges(image, 2), key=lambda edge: (edge[0], edge[1] % 2, edge[1]))
+    group = {pixel: frozenset([pixel]) for edge in edges for pixel in edge[2:]}
+    largest, tree = {}, {}
+
+    def join(weight, code, a, b):
+        merged = group[a] | group[b]
+        for pixel in merged:
+            group[pixel] = merged
+        largest[merged] = weight
+        tree[code] = weight
+
+    for weight, code, a, b in edges:
+        limits = [largest.get(group[p], 0) + scale / len(group[p]) for p in (a, b)]
+        if group[a] != group[b] and weight <= min(limits):
+            join(weight, code, a, b)
+    linking = []
+    for weight, code, a, b in edges:
+        if group[a] != group[b]:
+            is_large = min(len(group[a]), len(group[b])) > large
+            linking.append((min(weight + penalty * is_large, 255), code, a, b))
+    for weight, code, a, b in sorted(linking, key=lambda edge: edge[0]):
+        if group[a] != group[b]:
+            join(weight, code, a, b)
+    return tree
+
+
+def tree_means(volume, edges, sigma):
+    """Return the weighted means over a tree of edges (weight, pixel, pixel), pair by pair."""
+    count = volume.shape[0] * volume.shape[1]
+    distance = np.full((count, count), np.inf)
+    np.fill_diagonal(distance, 0)
+    for weight, a, b in edges:
+        distance[a, b] = distance[b, a] = weight
+    for via in range(count):
+        distance = np.minimum(distance, distance[:, [via]] + distance[[via], :])
+    similarity = np.exp(-distance / (255 * sigma))
+    rows = volume.reshape(count, -1).astype(float)
+    return (similarity @ rows / similarity.sum(axis=1, keepdims=True)).reshape(volume.shape)
