@@ -19,13 +19,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 import hashlib
+import http.client
 import json
+import os
 from pathlib import Path
-import shutil
 import sys
 import tempfile
 from typing import TextIO
-import urllib.error
 import urllib.request
 
 import cv2
@@ -144,7 +144,12 @@ def download_scene(name: str, destination: Path, site: str = SITE,
             cv2.imwrite(str(folder / f'{stem}.png'), image)
         height, width = image.shape[:2]
         _write_meta(folder, name, remote, width, height)
-        shutil.move(str(folder), str(destination / name))
+        try:
+            os.rename(folder, destination / name)
+        except OSError:
+            # Another process may have been quicker; what it left is as good.
+            if not (destination / name / 'meta.json').is_file():
+                raise
     return destination / name
 
 
@@ -163,7 +168,7 @@ def _fetch(url: str, report: Callable[[int, int], None]) -> bytes:
                 parts.append(chunk)
                 received += len(chunk)
                 report(received, total)
-    except (urllib.error.URLError, OSError) as error:
+    except (http.client.HTTPException, OSError) as error:
         raise ConnectionError(
             f'cannot download {url}: {error}. Connect to the internet, or give the folder of '
             'the scenes with --data or STEREO_REFINE_DATA, or use --synthetic') from error

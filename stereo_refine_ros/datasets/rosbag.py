@@ -17,12 +17,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+import sqlite3
 from typing import Any
 
 from rosbags.interfaces import Connection
-from rosbags.rosbag2 import Reader
+from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.typesys import get_typestore, Stores
 
 from stereo_refine_ros.encodings import decode_image
@@ -77,10 +79,8 @@ def iterate_pairs(path: str | Path, left_topic: str = 'left/image_rect',
         When there is no such bag or topic, or an image cannot be decoded.
 
     """
-    if not Path(path).exists():
-        raise FileNotFoundError(f'bag: {path} does not exist')
     store = get_typestore(Stores.ROS2_JAZZY)
-    with Reader(path) as reader:
+    with open_bag(path) as reader:
         role_of = _roles(reader.connections, left_topic, right_topic)
         wanted = [item for item in reader.connections if item.topic in role_of]
         waiting: dict[str, dict[int, Image]] = {'left': {}, 'right': {}}
@@ -94,6 +94,32 @@ def iterate_pairs(path: str | Path, left_topic: str = 'left/image_rect',
             complete = _offer(waiting, role, message, round(slop_s * _NS), queue_size)
             if complete is not None:
                 yield BagPair(*complete, _geometry(infos))
+
+
+@contextmanager
+def open_bag(path: str | Path) -> Iterator[Reader]:
+    """
+    Open a rosbag2, mcap or sqlite3.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        When there is no such bag, or it cannot be read.
+
+    """
+    if not Path(path).exists():
+        raise FileNotFoundError(f'bag: {path} does not exist')
+    try:
+        reader = Reader(path)
+        reader.open()
+    except (ReaderError, OSError, sqlite3.Error) as error:
+        raise ValueError(f'bag: {path}: {error}') from error
+    try:
+        yield reader
+    except (ReaderError, sqlite3.Error) as error:
+        raise ValueError(f'bag: {path}: {error}') from error
+    finally:
+        reader.close()
 
 
 def find_topic(connections: list[Connection], name: str, kind: str) -> str:

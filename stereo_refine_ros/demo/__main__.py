@@ -33,9 +33,10 @@ from stereo_refine_ros.params import preset_path
 if TYPE_CHECKING:
     from stereo_refine_ros.demo.collector import Collector
 
-_FIRST_FRAME_S = 75.0
+_FIRST_FRAME_S = 90.0
 _SILENCE_S = 10.0
-_LONGEST_S = 105.0
+_LONGEST_RUN_S = 60.0
+_LONGEST_S = 160.0
 _RATE_HZ = '4'
 
 
@@ -101,7 +102,8 @@ def _run(options: argparse.Namespace, scene: Scene, source: list[str], output: P
                             f'matching.num_disparities:={scene.num_disparities}')
             processes.start('replay', *source, '--loop', '--rate', _RATE_HZ,
                             '--wait', str(_FIRST_FRAME_S))
-            _watch(collector, processes, f'{scene.name}, {options.preset}', options.seconds)
+            _watch(collector, processes, f'{scene.name}, {options.preset}',
+                   min(options.seconds, _LONGEST_RUN_S))
         frame = collector.frame
         assert frame is not None
     finally:

@@ -27,9 +27,9 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.interfaces import Connection
-from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
 
+from stereo_refine_ros.datasets.rosbag import open_bag
 from stereo_refine_ros.node.pacing import (
     REPLAY_QOS, sleep_until, wait_delivered, wait_for_subscribers)
 
@@ -59,17 +59,15 @@ class BagPlayer(Node):
         """Read the bag's list of topics and create a publisher for each."""
         super().__init__('replay')
         self._path = Path(path)
-        if not self._path.exists():
-            raise FileNotFoundError(f'--bag: {path} does not exist')
-        with Reader(self._path) as reader:
+        with open_bag(self._path) as reader:
             wanted = [connection for connection in reader.connections
-                      if connection.topic != '/clock'
+                      if connection.topic != '/clock' and connection.msgcount > 0
                       and (not topics or connection.topic in topics)]
         self._publishers_by_topic: dict[str, Publisher] = {}
         for connection in wanted:
             self._advertise(connection)
         if not self._publishers_by_topic:
-            raise ValueError(f'--bag: {path} has no topic that can be published here')
+            raise ValueError(f'bag: {path} has no messages that can be published here')
         self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
 
     def play(self, speed: float, loops: int, wait_s: float) -> int:
@@ -93,7 +91,7 @@ class BagPlayer(Node):
                 f'{wait_s:g} s; publishing all the same (remap with --ros-args -r FROM:=TO)')
         count = loop = 0
         while (loops == 0 or loop < loops) and self.context.ok():
-            with Reader(self._path) as reader:
+            with open_bag(self._path) as reader:
                 wanted = [connection for connection in reader.connections
                           if connection.topic in self._publishers_by_topic]
                 count += self._play_once(reader.messages(wanted), speed)

@@ -18,6 +18,7 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 import io
 import threading
+from urllib.error import URLError
 
 import cv2
 import numpy as np
@@ -114,9 +115,17 @@ def test_scene_that_is_nowhere_goes_to_the_cache(site, tmp_path, monkeypatch):
     np.testing.assert_array_equal(first.truth, again.truth)
 
 
+def test_two_downloads_at_once_leave_one_scene(site, tmp_path):
+    first = download_scene('venus', tmp_path / 'cache', site[1], io.StringIO())
+    again = download_scene('venus', tmp_path / 'cache', site[1], io.StringIO())
+    assert first == again
+    assert sorted(path.name for path in first.parent.iterdir()) == ['venus']
+    assert not (first / 'venus').exists()
+
+
 def test_offline_says_what_to_do(tmp_path, monkeypatch):
     def unreachable(*args, **kwargs):
-        raise download.urllib.error.URLError('Name or service not known')
+        raise URLError('Name or service not known')
 
     (tmp_path / 'data').mkdir()
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))

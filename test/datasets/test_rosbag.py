@@ -84,3 +84,24 @@ def test_missing_and_ambiguous_topics_are_named(tmp_path, scenes):
         tmp_path / 'bag', '/a/left/image_rect', '/a/right/image_rect'))) == 1
     with pytest.raises(FileNotFoundError, match='absent'):
         next(iterate_pairs(tmp_path / 'absent'))
+
+
+def test_what_is_no_bag_is_named(tmp_path):
+    (tmp_path / 'bag').mkdir()
+    with pytest.raises(ValueError, match='bag: .*/bag: '):
+        next(iterate_pairs(tmp_path / 'bag'))
+    for name in ('bag.mcap', 'bag.db3', 'bag.txt'):
+        path = tmp_path / name
+        path.write_bytes(b'this is no bag')
+        with pytest.raises(ValueError, match=name):
+            next(iterate_pairs(path))
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_bag_cut_short_is_named(tmp_path, scenes, storage):
+    write_messages(
+        tmp_path / 'bag', storage, pair_messages(_views(scenes), scenes[0].geometry))
+    path = next(item for item in (tmp_path / 'bag').iterdir() if item.suffix != '.yaml')
+    path.write_bytes(path.read_bytes()[:20000])
+    with pytest.raises(ValueError, match='bag: '):
+        list(iterate_pairs(tmp_path / 'bag'))

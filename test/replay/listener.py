@@ -22,6 +22,7 @@ import time
 import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, Image
 from stereo_msgs.msg import DisparityImage
@@ -36,10 +37,13 @@ BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 class Listener:
     """Messages by topic, in order of arrival."""
 
-    def __init__(self, kind_of=None, qos=RELIABLE, namespace='', raw=False):
+    def __init__(self, kind_of=None, qos=RELIABLE, namespace='', raw=False,
+                 use_sim_time=False):
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
-        self.node = rclpy.create_node('listener', context=self.context, namespace=namespace)
+        self.node = rclpy.create_node(
+            'listener', context=self.context, namespace=namespace,
+            parameter_overrides=[Parameter('use_sim_time', value=use_sim_time)])
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         kind_of = KIND_OF if kind_of is None else kind_of

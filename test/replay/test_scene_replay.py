@@ -119,7 +119,8 @@ def test_folder_without_truth(listen, tmp_path):
 
 @pytest.mark.parametrize('options, reason', [
     (['--scene', 'nowhere'], "scene 'nowhere'"), (['--folder', '/nowhere'], 'no pairs'),
-    (['--data', '/nowhere'], '--data'), (['--bag', '/nowhere'], '--bag'),
+    (['--data', '/nowhere'], '--data'), (['--bag', '/nowhere'], 'bag: /nowhere does not exist'),
+    (['--bag', '/dev'], 'bag: /dev: '),
     (['--rate', '0'], '--rate'), (['--bag', 'b', '--synthetic'], 'not allowed')])
 def test_what_cannot_be_played_is_one_clear_error(options, reason):
     with replaying(*options) as process:
