@@ -37,7 +37,7 @@ def color_map(disparity: DisparityMap) -> Pixels:
     scale = 255.0 / max(1, disparity.num_disparities - 1)
     levels = np.nan_to_num((disparity.values - disparity.min_disparity) * np.float32(scale))
     colored = cv2.applyColorMap(
-        np.clip(levels, 0, 255).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
+        np.clip(np.rint(levels), 0, 255).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
     colored = colored.reshape(disparity.values.shape + (3,))
     colored[~disparity.valid] = 0
     return colored

@@ -37,8 +37,8 @@ from stereo_refine_ros.node.plane_markers import large_planes, plane_markers
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.frame import measure_frame
-from stereo_refine_ros.types import (
-    DisparityMap, PlaneSegmentation, RefinementResult, StereoPair)
+from stereo_refine_ros.refinement.plane_stage import unfitted
+from stereo_refine_ros.types import DisparityMap, RefinementResult, StereoPair
 
 FAILURES_BEFORE_FALLBACK = 3
 _STAGES = ('matching', 'segmentation', 'planes', 'filter')
@@ -250,10 +250,9 @@ def _unrefined(decoded: DecodedFrame, params: Params) -> RefinementResult:
         disparity = DisparityMap(
             decoded.preliminary, matching.min_disparity, matching.num_disparities)
     else:
-        disparity = compute_match(decoded.pair, matching).disparity
+        disparity = compute_match(
+            decoded.pair, matching, params.processing.threads).disparity
     stage_ms = dict.fromkeys(_STAGES, 0.0)
     stage_ms['matching'] = (time.perf_counter() - start) * 1e3
-    segments = PlaneSegmentation(
-        np.zeros(decoded.pair.shape, np.int32), np.full((1, 3), np.nan), np.zeros(1, bool),
-        np.zeros(1, np.float32))
+    segments = unfitted(np.zeros(decoded.pair.shape, np.int32), 1)
     return RefinementResult(disparity, disparity, segments, math.nan, stage_ms)
