@@ -36,7 +36,7 @@ _PASSES = 3
 _SAMPLES = 100
 # Cost of a unit of border whose two planes differ by a pixel, at no contrast.
 _SMOOTHNESS = 4.0
-_CONTRAST_SCALE = 30.0
+_COLOR_SCALE = 30.0
 _LARGEST_STEP = 2.0
 # Cost of an unmatched pixel that a plane would explain as occluded, or as out of view.
 _OCCLUDED, _OUT_OF_VIEW = 0.5, 0.8
@@ -66,7 +66,7 @@ def select_planes(planes: NDArray[np.float64], lists: PixelLists, borders: Borde
     touching = (order % len(borders.pairs)).astype(np.int32) if len(order) else order
     first = np.searchsorted(ends[order], np.arange(count + 1))
     weight = (_SMOOTHNESS * borders.length
-              * np.exp(-borders.contrast / _CONTRAST_SCALE)).astype(np.float64)
+              * np.exp(-borders.color_distance / _COLOR_SCALE)).astype(np.float64)
     chosen = planes.copy()
     _select_kernel(chosen, lists.pixels, lists.starts, borders.pairs, borders.middle, weight,
                    touching, first, (evidence.cost, evidence.right, evidence.min_disparity,
