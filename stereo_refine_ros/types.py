@@ -34,6 +34,7 @@ def require_image(name: str, image: object) -> Image:
     ------
     ValueError
         Naming `name`, what was expected and what came.
+
     """
     if not isinstance(image, np.ndarray):
         raise ValueError(f'{name}: expected a numpy array, got {type(image).__name__}')

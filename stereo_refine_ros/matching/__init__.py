@@ -23,8 +23,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from stereo_refine_ros.matching.opencv_matchers import match_bm, match_sgbm
 from stereo_refine_ros.matching.match import Match
+from stereo_refine_ros.matching.opencv_matchers import match_bm, match_sgbm
 from stereo_refine_ros.matching.scanline import match_scanline
 from stereo_refine_ros.matching.tree_matchers import match_non_local, match_segment_tree
 from stereo_refine_ros.params import MatchingParams

@@ -112,7 +112,8 @@ def _cost_kernel(start, stop, left, right, min_disparity, volume):
             row = volume[y, x]
             row[:first] = OUT_OF_VIEW
             row[last:] = OUT_OF_VIEW
-            blue, green, red = np.int32(left_b[y, x]), np.int32(left_g[y, x]), np.int32(left_r[y, x])
+            blue, green = np.int32(left_b[y, x]), np.int32(left_g[y, x])
+            red = np.int32(left_r[y, x])
             gx, gy = np.int32(left_gx[y, x]), np.int32(left_gy[y, x])
             bits = left_census[y, x]
             begin = shift + first

@@ -28,9 +28,8 @@ from geometry_msgs.msg import Point
 import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import Header
-from visualization_msgs.msg import Marker, MarkerArray
-
 from stereo_refine_ros.types import PlaneSegmentation, StereoGeometry
+from visualization_msgs.msg import Marker, MarkerArray
 
 MIN_AREA_RATIO = 0.01  # smaller planes are clutter in a view of the room
 MAX_PLANES = 32

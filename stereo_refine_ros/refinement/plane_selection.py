@@ -51,7 +51,14 @@ def select_planes(planes: NDArray[np.float64], lists: PixelLists, borders: Borde
 
     Parameters
     ----------
-    planes : float64 ndarray of shape (N, 3), NaN where a segment has none
+    planes : float64 ndarray of shape (N, 3)
+        NaN where a segment has none.
+    lists : PixelLists
+        The pixels of every segment.
+    borders : Borders
+        Which segments touch, how long and how alike in colour.
+    evidence : Evidence
+        What the matcher knows of each disparity.
     matched : bool ndarray of shape (H, W)
         Pixels whose match passed the left-right check.
 
@@ -116,7 +123,7 @@ def _is_same(a, b):
 
 @njit(cache=True, nogil=True)
 def _data_energy(plane, members, evidence, matched):
-    """Summed matching cost of a plane over a segment, from a sample of its pixels."""
+    """Sum the matching cost of a plane over a segment, from a sample of its pixels."""
     width = matched.shape[1]
     step = max(1, members.shape[0] // _SAMPLES)
     energy = 0.0

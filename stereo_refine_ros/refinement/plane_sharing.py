@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from stereo_refine_ros.matching.disjoint_set import find, make_sets, union
 from stereo_refine_ros.params import PlaneParams
 from stereo_refine_ros.refinement.planes import (
-    MIN_DATA, PlaneFits, plane_of_moments, residual_variance)
+    MIN_DATA, plane_of_moments, PlaneFits, residual_variance)
 from stereo_refine_ros.refinement.regions import Borders
 
 # How much the residual variance of either part may rise, px^2, for two segments to be one plane.

@@ -72,6 +72,10 @@ def fit_planes(lists: PixelLists, data: FloatMap, params: PlaneParams,
         The pixels of every segment.
     data : float32 ndarray of shape (H, W)
         Sub-pixel disparities, NaN where there is no trustworthy one.
+    params : PlaneParams
+        Iterations, inlier threshold and seed.
+    threads : int
+        Segments are shared out among them.
 
     """
     count = lists.starts.size - 1

@@ -62,6 +62,12 @@ def choose_candidates(proposed: FloatMap, others: Sequence[FloatMap], evidence: 
         The planes' disparities; NaN is never chosen.
     others : sequence of float32 ndarray of shape (H, W)
         Dense maps; where costs are equal the first of them wins.
+    evidence : Evidence
+        What the matcher knows of each disparity.
+    tree : PixelTree
+        The costs are aggregated along it.
+    threads : int
+        Rows are shared out among them.
 
     Returns
     -------

@@ -36,7 +36,9 @@ def segment_image(image: Image, params: SegmentationParams) -> tuple[LabelMap, i
     Parameters
     ----------
     image : uint8 ndarray of shape (H, W) or (H, W, 3)
+        Grey or BGR.
     params : SegmentationParams
+        k, blur, smallest size and neighbourhood.
 
     Returns
     -------
@@ -90,7 +92,7 @@ def _segment_kernel(order, weights, offsets, k, min_size, parent, size, labels):
 
 @njit(cache=True, nogil=True)
 def _number_kernel(parent, labels):
-    """Number the sets 0, 1, ... by their first element; returns how many there are."""
+    """Give the sets numbers 0, 1, ... by their first element; return how many there are."""
     number = np.full(parent.shape[0], -1, np.int32)
     count = 0
     for pixel in range(parent.shape[0]):

@@ -19,10 +19,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-import yaml
-
 from stereo_refine_ros.node.inputs import TYPES
 from stereo_refine_ros.node.publishers import TOPICS
+import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 LAUNCH_FILES = sorted((ROOT / 'launch').glob('*.launch.py'))

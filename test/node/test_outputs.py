@@ -19,12 +19,11 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
-from visualization_msgs.msg import Marker
-
 from stereo_refine_ros.node.outputs import (
     color_map, depth_map, image_message, point_cloud)
 from stereo_refine_ros.node.plane_markers import large_planes, plane_markers
 from stereo_refine_ros.types import DisparityMap, PlaneSegmentation, StereoGeometry
+from visualization_msgs.msg import Marker
 
 GEOMETRY = StereoGeometry(400.0, 0.1, 30.0, 22.0, 28.0, 380.0)
 HEADER = Header(stamp=stamp_of(5), frame_id='left_optical')

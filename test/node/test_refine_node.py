@@ -26,14 +26,13 @@ import pytest
 from rcl_interfaces.msg import ParameterType
 from sensor_msgs.msg import Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
-from visualization_msgs.msg import MarkerArray
-
 from stereo_refine_ros.node.conversions import fill_image
 from stereo_refine_ros.node.outputs import color_map, depth_map
 from stereo_refine_ros.params import load_preset, SPECS
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.frame import measure_frame
 from stereo_refine_ros.types import DisparityMap, StereoGeometry, StereoPair
+from visualization_msgs.msg import MarkerArray
 
 pytestmark = pytest.mark.ros
 GEOMETRY = StereoGeometry(200.0, 0.1, 80.0, 48.0, 77.5, 200.0)

@@ -20,8 +20,8 @@ import filter_reference
 import numpy as np
 import pytest
 
-from stereo_refine_ros.params import FILTERS as FILTER_NAMES
 from stereo_refine_ros.params import FilterParams
+from stereo_refine_ros.params import FILTERS as FILTER_NAMES
 from stereo_refine_ros.refinement.filters import apply_filter, FILTERS
 from stereo_refine_ros.refinement.weighted_median import weighted_median
 
