@@ -34,6 +34,7 @@ from stereo_refine_ros.node.pacing import (
     REPLAY_QOS, sleep_until, wait_delivered, wait_for_subscribers)
 
 _CLOCK_PERIOD_S = 0.01
+_CLOCK_WAIT_S = 0.5
 _NS = 1_000_000_000
 
 
@@ -89,6 +90,7 @@ class BagPlayer(Node):
             self.get_logger().warning(
                 f'nobody subscribes to {", ".join(sorted(self._publishers_by_topic))} after '
                 f'{wait_s:g} s; publishing all the same (remap with --ros-args -r FROM:=TO)')
+        wait_for_subscribers(self, [self._clock_publisher], min(wait_s, _CLOCK_WAIT_S))
         count = loop = 0
         while (loops == 0 or loop < loops) and self.context.ok():
             with open_bag(self._path) as reader:
