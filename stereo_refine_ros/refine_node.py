@@ -21,6 +21,7 @@ SIGTERM, once or many times, at any stage, ends the process cleanly and without 
 
 from __future__ import annotations
 
+import atexit
 import os
 from pathlib import Path
 import signal
@@ -48,13 +49,13 @@ class Stop:
         signal.sigwait(_SIGNALS)
         self.requested.set()
         if self.executor is not None:
-            self.executor.wake()
+            self.executor.create_task(lambda: None)  # `wake` alone leaves spin_once waiting
         time.sleep(_LAST_RESORT_S)
         os._exit(0)
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the node until a signal comes; return the exit code."""
+    """Run the node until a signal comes; return the exit code if it cannot start."""
     stop = Stop()
     _use_writable_cache()
     import rclpy
@@ -71,11 +72,11 @@ def main(args: list[str] | None = None) -> int:
         rclpy.try_shutdown()
         return 1
     _spin(node, stop)
-    has_ended = node.stop(_WORKER_S)
+    node.stop(_WORKER_S)
     node.destroy_node()
+    del node
     rclpy.try_shutdown()
-    if not has_ended:
-        _exit_at_once()
+    _leave()
     return 0
 
 
@@ -92,6 +93,24 @@ def _spin(node: Any, stop: Stop) -> None:
             node.get_logger().warning(
                 f'message dropped: {type(error).__name__}: {error}', throttle_duration_sec=10)
     executor.shutdown(timeout_sec=0.1)
+    stop.executor = None
+
+
+def _leave() -> None:
+    """
+    Close the middleware, then end without waiting for a kernel that may still run.
+
+    The interpreter's own way out takes up to a second more, for unloading LLVM.
+    """
+    import gc
+
+    import rclpy
+    gc.collect()  # what still refers to the context would keep its shared memory
+    rclpy.get_default_context().destroy()
+    atexit._run_exitfuncs()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
 
 
 def _use_writable_cache() -> None:
@@ -99,13 +118,6 @@ def _use_writable_cache() -> None:
     if not os.access(Path(__file__).parent, os.W_OK):
         cache = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')
         os.environ.setdefault('NUMBA_CACHE_DIR', str(cache / 'stereo_refine_ros' / 'numba'))
-
-
-def _exit_at_once() -> None:
-    """End without waiting for a kernel that still runs; everything else is closed."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(0)
 
 
 if __name__ == '__main__':
