@@ -45,7 +45,7 @@ def test_live_yaml_is_current():
 
 def test_live_yaml_uncommented_is_the_default(tmp_path):
     text = (ROOT / 'config' / 'live.yaml').read_text(encoding='utf-8')
-    values = re.sub(r'^    # ([a-z_]+\.[a-z_]+: )', r'    \1', text, flags=re.MULTILINE)
+    values = re.sub(r'^    # ([a-z0-9_]+\.[a-z0-9_]+: )', r'    \1', text, flags=re.MULTILINE)
     path = tmp_path / 'all.yaml'
     path.write_text(values, encoding='utf-8')
     assert read_preset_file(path) == Params().as_dict()
