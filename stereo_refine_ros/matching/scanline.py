@@ -52,7 +52,10 @@ def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1) -
     stable &= ~_islands(np.where(stable, winners, -1))
     values = np.where(stable, subpixel + first, np.float32(np.nan))
     if params.downscale > 1:
-        values = _enlarge(values, pair.shape, params.downscale)
+        # Of whole small pixels, the range may begin before and end after what was asked for.
+        last = params.min_disparity + params.num_disparities - 1
+        values = np.clip(_enlarge(values, pair.shape, params.downscale),
+                         params.min_disparity, last)
         right = _enlarge(right, pair.shape, params.downscale)
     disparity = DisparityMap(values, params.min_disparity, params.num_disparities)
     return Match(disparity, right, evidence=evidence)
