@@ -108,8 +108,9 @@ def _group_kernel(labels, pixels, starts):
 @njit(cache=True, nogil=True)
 def _mean_color_kernel(labels, count, image):
     height, width, channels = image.shape
-    sums = np.zeros((count, channels), np.float32)
-    size = np.zeros(count, np.float32)
+    # In single precision, sums over a large segment would be rounded.
+    sums = np.zeros((count, channels))
+    size = np.zeros(count, np.int64)
     for y in range(height):
         for x in range(width):
             label = labels[y, x]
