@@ -16,12 +16,15 @@
 
 from __future__ import annotations
 
-import math
-
 from sensor_msgs.msg import CameraInfo
 
 from stereo_refine_ros.encodings import BadMessage
 from stereo_refine_ros.types import StereoGeometry
+
+# What lies outside is a mistake, and would overflow in the messages that carry it on.
+FOCAL_PX = (1e-2, 1e6)
+BASELINE_M = (1e-6, 1e4)
+_PRINCIPAL_POINT_PX = 1e6
 
 
 def stereo_geometry(left: CameraInfo, right: CameraInfo, width: int, height: int
@@ -52,24 +55,33 @@ def stereo_geometry(left: CameraInfo, right: CameraInfo, width: int, height: int
     _, _, cx_left, cy = _projection('left/camera_info', left)
     fx, fy, cx_right, _ = _projection('right/camera_info', right)
     baseline = -float(right.p[3]) / float(right.p[0])
-    if not math.isfinite(baseline) or baseline <= 0:
+    if not is_within(baseline, BASELINE_M):
         raise BadMessage(
             'baseline', f'right/camera_info: baseline -P[3] / P[0] is {baseline:g} m; '
-            'it must be positive (are left and right swapped?)')
+            'it must be positive and plausible (are left and right swapped?)')
     return StereoGeometry(fx, baseline, cx_left, cy, cx_right, fy)
+
+
+def is_within(value: float, limits: tuple[float, float]) -> bool:
+    """Whether a number is finite and between two limits."""
+    return limits[0] <= value <= limits[1]
 
 
 def _projection(name: str, info: CameraInfo) -> tuple[float, float, float, float]:
     """Return fx, fy, cx, cy in pixels of the image that was sent."""
+    if len(info.p) != 12:
+        raise BadMessage('focal_length', f'{name}: P has {len(info.p)} values instead of 12')
     fx, fy = float(info.p[0]), float(info.p[5])
     cx, cy = float(info.p[2]), float(info.p[6])
-    if not (all(map(math.isfinite, (fx, fy, cx, cy))) and fx > 0 and fy > 0):
+    bin_x, bin_y = max(1, info.binning_x), max(1, info.binning_y)
+    sent = (fx / bin_x, fy / bin_y,
+            (cx - info.roi.x_offset) / bin_x, (cy - info.roi.y_offset) / bin_y)
+    if not (all(is_within(focal, FOCAL_PX) for focal in sent[:2])
+            and all(is_within(abs(center), (0.0, _PRINCIPAL_POINT_PX)) for center in sent[2:])):
         raise BadMessage(
             'focal_length', f'{name}: P has fx {fx:g}, fy {fy:g}, cx {cx:g}, cy {cy:g}; '
             'is the camera calibrated and rectified?')
-    bin_x, bin_y = max(1, info.binning_x), max(1, info.binning_y)
-    return (fx / bin_x, fy / bin_y,
-            (cx - info.roi.x_offset) / bin_x, (cy - info.roi.y_offset) / bin_y)
+    return sent
 
 
 def _check_size(name: str, info: CameraInfo, width: int, height: int) -> None:

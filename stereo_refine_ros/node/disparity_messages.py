@@ -33,6 +33,7 @@ from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
 from stereo_refine_ros.encodings import BadMessage, check_layout, pixels_of
+from stereo_refine_ros.node.camera import BASELINE_M, FOCAL_PX, is_within
 from stereo_refine_ros.node.conversions import fill_image
 from stereo_refine_ros.types import DisparityMap, FloatMap, StereoGeometry
 
@@ -139,8 +140,8 @@ def read_disparity(name: str, message: DisparityImage) -> ReceivedDisparity:
     if zero_is_mark:
         unusable |= raw == 0
     return ReceivedDisparity(
-        np.where(unusable, np.float32(np.nan), raw), _positive(message.f),
-        _positive(abs(message.t)), low, high, float(message.delta_d))
+        np.where(unusable, np.float32(np.nan), raw), _usable(message.f, FOCAL_PX),
+        _usable(abs(message.t), BASELINE_M), low, high, float(message.delta_d))
 
 
 def resize_disparity(values: FloatMap, width: int, height: int) -> FloatMap:
@@ -170,10 +171,10 @@ def _plausible_count(values: NDArray) -> int:
 
 def _declared_range(message: DisparityImage) -> tuple[float, float]:
     low, high = float(message.min_disparity), float(message.max_disparity)
-    if math.isfinite(low) and math.isfinite(high) and low < high:
+    if -_PLAUSIBLE_PX <= low < high <= _PLAUSIBLE_PX:
         return low, high
     return math.nan, math.nan
 
 
-def _positive(value: float) -> float:
-    return float(value) if math.isfinite(value) and value > 0 else math.nan
+def _usable(value: float, limits: tuple[float, float]) -> float:
+    return float(value) if is_within(value, limits) else math.nan

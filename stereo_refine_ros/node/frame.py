@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import math
 
 import cv2
+import numpy as np
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
@@ -169,8 +170,10 @@ def _with_preliminary(frame: Frame, message: DisparityImage, pair: StereoPair
     geometry = frame.geometry or _declared_geometry(received, ratio, width, height)
     values = resize_disparity(received.values, width, height)
     doffs = geometry.doffs_px
+    columns = values - values.dtype.type(doffs)
+    columns[np.abs(columns) > width] = np.nan  # no column of the right image lies there
     return DecodedFrame(
-        pair, geometry, frame.geometry is not None, values - values.dtype.type(doffs),
+        pair, geometry, frame.geometry is not None, columns,
         _search_range(received, ratio, doffs), received.values.shape != (height, width))
 
 

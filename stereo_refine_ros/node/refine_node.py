@@ -23,7 +23,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.time import Time
 from std_msgs.msg import Header
 
 from stereo_refine_ros.encodings import BadMessage
@@ -36,7 +35,7 @@ from stereo_refine_ros.node.pairing import MessageSet
 from stereo_refine_ros.node.parameters import NodeParameters
 from stereo_refine_ros.node.processing import FrameProcessor, Surroundings
 from stereo_refine_ros.node.publishers import Publishers
-from stereo_refine_ros.node.worker import Worker
+from stereo_refine_ros.node.worker import Afterwork, Worker
 from stereo_refine_ros.params import Params
 
 WARN_PERIOD_S = 10.0
@@ -89,12 +88,13 @@ class RefineNode(Node):
             ledger=self._ledger, age_ms=self._age_ms,
             unmatched=lambda: self._inputs.unmatched, on_refused=self._refuse,
             on_error=self._on_error, warn=self._warn,
+            later=Afterwork(self._on_error).submit,
             name=f'{self.get_fully_qualified_name()}: metrics')
 
     def _prepare(self) -> None:
-        self.get_logger().info('compiling kernels (cached after the first start) ...')
+        self.get_logger().info('compiling, half a minute at the first start, cached after it')
         try:
-            self._processor.warm_up()
+            self._processor.warm_up(lambda step: self.get_logger().info(f'compiling {step}'))
         except Exception as error:  # frames may still work, and say so each by itself
             self._on_error(error)
         self._ready = True
@@ -107,6 +107,9 @@ class RefineNode(Node):
             frame = check_frame(found, calibration)
         except BadMessage as error:
             self._refuse(error)
+            return
+        except Exception as error:  # every pair is accounted for, whatever it holds
+            self._on_frame_error(error)
             return
         if self._worker.submit(frame) is not None:
             self._ledger.superseded()
@@ -176,8 +179,9 @@ class RefineNode(Node):
             latency_ms=last.latency_ms, valid_ratio=last.valid_ratio)
 
     def _age_ms(self, header: Header) -> float:
-        age = self.get_clock().now().nanoseconds - Time.from_msg(header.stamp).nanoseconds
-        return age / 1e6
+        # rclpy's own Time refuses stamps before 1970
+        stamp_ns = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+        return (self.get_clock().now().nanoseconds - stamp_ns) / 1e6
 
     def _warn(self, key: str, text: str) -> None:
         if self._throttle.allows(key):
