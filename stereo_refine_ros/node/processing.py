@@ -79,6 +79,7 @@ class Surroundings:
     on_refused : callable of BadMessage
     on_error : callable of Exception
     warn : callable of a key and a text, throttled by key
+    later : callable of a task that publishes what may follow the disparity
     name : str
         Of the status in the metrics.
 
@@ -92,6 +93,7 @@ class Surroundings:
     on_refused: Callable[[BadMessage], None]
     on_error: Callable[[Exception], None]
     warn: Callable[[str, str], None]
+    later: Callable[[Callable[[], None]], None]
     name: str = 'stereo_refine'
 
 
@@ -112,7 +114,7 @@ class FrameProcessor:
         self._failures = 0
         self.last = FrameSummary()
 
-    def warm_up(self) -> None:
+    def warm_up(self, progress: Callable[[str], None] = lambda text: None) -> None:
         """Compile every kernel that the parameters of the moment use, on a small pair."""
         params = self._around.params()
         rng = np.random.default_rng(0)
@@ -121,7 +123,9 @@ class FrameProcessor:
         left, right = wide[:, :width].copy(), wide[:, 4:].copy()
         truth = np.full((64, width), 4, np.float32)
         grey = (np.ascontiguousarray(left[..., 0]), np.ascontiguousarray(right[..., 0]))
-        for pair in (StereoPair(left, right), StereoPair(*grey)):
+        pairs = {'colour': StereoPair(left, right), 'grey': StereoPair(*grey)}
+        for number, (name, pair) in enumerate(pairs.items(), 1):
+            progress(f'kernels for {name} images ({number} of {len(pairs)})')
             decoded = DecodedFrame(
                 pair, None, preliminary=truth if _is_external(params) else None)
             result = self._refine(decoded, params)
@@ -140,12 +144,13 @@ class FrameProcessor:
         params = self._around.params()
         result, is_degraded = self._refine_or_fall_back(decoded, params)
         self._publish_disparity(frame, decoded, result, is_degraded)
-        try:
-            self._publish_views(frame, decoded, result)
-            if self._around.publishers.wants('metrics'):
-                self._publish_metrics(frame, decoded, result)
-        except Exception as error:  # the pair itself is published and counted already
-            self._around.on_error(error)
+        around = self._around
+        counts = around.ledger.counts()
+        figures = {
+            'frame_latency_ms': self.last.latency_ms, 'fps': around.ledger.fps(),
+            'frames_dropped': counts.superseded, 'pairs_unmatched': around.unmatched(),
+            'pairs_refused': sum(counts.refused.values()), 'degraded': int(is_degraded)}
+        around.later(lambda: self._publish_rest(frame, decoded, result, figures))
 
     def _refine_or_fall_back(self, decoded: DecodedFrame, params: Params
                              ) -> tuple[RefinementResult, bool]:
@@ -179,6 +184,13 @@ class FrameProcessor:
             frame.header.frame_id, self._around.age_ms(frame.header),
             result.disparity.valid_ratio, is_degraded)
 
+    def _publish_rest(self, frame: Frame, decoded: DecodedFrame, result: RefinementResult,
+                      figures: dict[str, float]) -> None:
+        """Publish views and metrics of a frame whose disparity is out and counted."""
+        self._publish_views(frame, decoded, result)
+        if self._around.publishers.wants('metrics'):
+            self._publish_metrics(frame, decoded, result, figures)
+
     def _publish_views(self, frame: Frame, decoded: DecodedFrame, result: RefinementResult
                        ) -> None:
         """Make each further output that somebody listens to."""
@@ -208,22 +220,16 @@ class FrameProcessor:
         return decoded.has_principal_point
 
     def _publish_metrics(self, frame: Frame, decoded: DecodedFrame,
-                         result: RefinementResult) -> None:
+                         result: RefinementResult, figures: dict[str, float]) -> None:
         try:
             truth, scale = decode_truth(frame, decoded.geometry)
         except BadMessage as error:
             self._around.warn(error.reason, str(error))
             truth, scale = None, None
-        counts = self._around.ledger.counts()
-        figures = {
-            'frame_latency_ms': self.last.latency_ms, 'fps': self._around.ledger.fps(),
-            'frames_dropped': counts.superseded, 'pairs_unmatched': self._around.unmatched(),
-            'pairs_refused': sum(counts.refused.values()),
-            'degraded': int(self.last.is_degraded),
-            **measure_frame(result, decoded.pair, truth, scale)}
+        figures = {**figures, **measure_frame(result, decoded.pair, truth, scale)}
         self._around.publishers.publish('metrics', metrics_message(
             frame.header, self._around.name, frame.header.frame_id, figures,
-            self.last.is_degraded))
+            bool(figures['degraded'])))
 
 
 def _is_external(params: Params) -> bool:

@@ -12,11 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The newest-frame slot and the thread that empties it."""
+"""Two threads: one takes the newest frame, one makes what is owed for a frame already out."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+import queue
 import threading
 from typing import Generic, TypeVar
 
@@ -102,3 +103,35 @@ class Worker(Generic[Item]):
             task(*args)
         except Exception as error:  # whatever a frame does, the next one gets its chance
             self._on_error(error)
+
+
+class Afterwork:
+    """
+    Do tasks in order in a thread of its own, at most one of them waiting.
+
+    Views and metrics of a frame are made here while the next frame is being refined; a worker
+    that is faster than this waits, so that every frame gets its own.
+
+    Parameters
+    ----------
+    on_error : callable of an exception
+        Told what a task raised; the thread goes on with the next one.
+
+    """
+
+    def __init__(self, on_error: Callable[[Exception], None]) -> None:
+        """Start the thread."""
+        self._on_error = on_error
+        self._tasks: queue.Queue[Callable[[], None]] = queue.Queue(maxsize=1)
+        threading.Thread(target=self._run, name='afterwork', daemon=True).start()
+
+    def submit(self, task: Callable[[], None]) -> None:
+        """Leave a task; wait while another one is waiting."""
+        self._tasks.put(task)
+
+    def _run(self) -> None:
+        while True:
+            try:
+                self._tasks.get()()
+            except Exception as error:
+                self._on_error(error)

@@ -28,7 +28,7 @@ from stereo_refine_ros.node.ledger import Counts, Ledger, Throttle
 from stereo_refine_ros.node.metrics_message import decimal
 from stereo_refine_ros.node.pairing import MessageSet
 from stereo_refine_ros.node.processing import FrameProcessor, Surroundings
-from stereo_refine_ros.node.worker import NewestSlot, Worker
+from stereo_refine_ros.node.worker import Afterwork, NewestSlot, Worker
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
 
@@ -58,7 +58,13 @@ class Rig:
         self.processor = FrameProcessor(Surroundings(
             lambda: self.params, self.outlet, self.ledger, lambda header: 1.0, lambda: 0,
             self.refusals.append, self.errors.append,
-            lambda key, text: self.warnings.append(key)), make_refiner)
+            lambda key, text: self.warnings.append(key), self.later), make_refiner)
+
+    def later(self, task):
+        try:
+            task()
+        except Exception as error:
+            self.errors.append(error)
 
     def feed(self, frame):
         self.ledger.received()
@@ -216,6 +222,16 @@ def test_a_worker_goes_on_after_an_exception():
         assert done.wait(5)
     assert worker.stop(5)
     assert served == ['good'] and [str(e) for e in errors] == ['bad item']
+
+
+def test_afterwork_keeps_order_and_goes_on_after_an_exception():
+    done, errors, served = threading.Event(), [], []
+    afterwork = Afterwork(errors.append)
+    for number in range(5):
+        afterwork.submit(lambda number=number: served.append(10 // (number - 2)))
+    afterwork.submit(done.set)
+    assert done.wait(5)
+    assert served == [-5, -10, 10, 5] and isinstance(errors[0], ZeroDivisionError)
 
 
 def test_the_ledger_accounts_for_every_pair():
