@@ -60,8 +60,6 @@ class MatchingParams:
     method: str = _choice('sgbm', MATCHERS, 'matcher that makes the preliminary disparity')
     min_disparity: int = _integer(0, -2048, 2048, 'px', 'smallest disparity searched')
     num_disparities: int = _integer(64, 1, 2048, 'px', 'number of disparities searched')
-    downscale: int = _integer(
-        1, 1, 4, '-', 'scanline cost volume: image pixels per pixel, 1 full, 2 half resolution')
     nonlocal_refinement: bool = _flag(
         True, 'segment_tree, non_local: spread the stable disparities over the tree (Yang 2012)')
     second_pass: bool = _flag(

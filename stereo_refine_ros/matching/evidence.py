@@ -32,24 +32,23 @@ class Evidence:
 
     Attributes
     ----------
-    total : int16 ndarray of shape (h, w, D)
+    total : int16 ndarray of shape (H, W, P)
         Sum over the paths, TOTAL_UNIT to one unit of cost; the last axis is d - min_disparity.
-    least : int16 ndarray of shape (h, w)
+        P is num_disparities rounded up; the rest is padding.
+    least : int16 ndarray of shape (H, W)
         The least entry of every pixel of `total`.
-    cost : uint8 ndarray of shape (h, w, D)
+    cost : uint8 ndarray of shape (H, W, P)
         The matching cost itself, COST_UNIT to one unit.
-    right : int32 ndarray of shape (h, w)
+    right : int16 ndarray of shape (H, W)
         Best disparity of the right view less min_disparity; -1 where no left pixel reaches.
-    min_disparity : int
-        Of the volume, in its own pixels.
-    downscale : int
-        Image pixels per pixel of the volume, in both directions and in disparity.
+    min_disparity, num_disparities : int
+        Of the volume.
 
     """
 
     total: NDArray[np.int16]
     least: NDArray[np.int16]
     cost: NDArray[np.uint8]
-    right: NDArray[np.int32]
+    right: NDArray[np.int16]
     min_disparity: int
-    downscale: int
+    num_disparities: int

@@ -31,11 +31,14 @@ from stereo_refine_ros.types import Image, StereoPair
 
 # One unit of cost (a fully truncated term is 2/3) as stored.
 COST_UNIT = 60
-_COLOR_LIMIT = 75
-_CENSUS_LIMIT = 14
-_GRADIENT_LIMIT = 14
+_COLOR_LIMIT = np.int16(75)
+_CENSUS_LIMIT = np.int16(14)
+_GRADIENT_LIMIT = np.int16(14)
 # A match outside the right view: worse than a fair match, better than a bad one.
 OUT_OF_VIEW = int(0.9 * COST_UNIT)
+# Vector registers hold this many steps; a loop of another length crawls through its rest.
+DEPTH_STEP = 32
+PADDING = 255
 
 
 def robust_cost_volume(pair: StereoPair, min_disparity: int, num_disparities: int,
@@ -45,16 +48,19 @@ def robust_cost_volume(pair: StereoPair, min_disparity: int, num_disparities: in
 
     Returns
     -------
-    uint8 ndarray of shape (H, W, D), 0..2 in units of 1 / COST_UNIT; index d - min_disparity.
+    uint8 ndarray of shape (H, W, P), 0..2 in units of 1 / COST_UNIT; index d - min_disparity.
+        P is D rounded up to a multiple of DEPTH_STEP; the entries from D on hold PADDING.
 
     """
     assert pair.right is not None
+    depth = -(-num_disparities // DEPTH_STEP) * DEPTH_STEP
     left = _features(pair.left)
     # Mirrored, the right row runs with growing disparity: the inner loop is contiguous.
-    right = tuple(np.ascontiguousarray(plane[:, ::-1]) for plane in _features(pair.right))
+    pad = ((0, 0), (depth, depth))
+    right = tuple(np.pad(plane[:, ::-1], pad) for plane in _features(pair.right))
     height, width = pair.shape
-    volume = np.empty((height, width, num_disparities), np.uint8)
-    run_bands(_cost_kernel, height, threads, left, right, min_disparity, volume)
+    volume = np.empty((height, width, depth), np.uint8)
+    run_bands(_cost_kernel, height, threads, left, right, min_disparity, num_disparities, volume)
     return volume
 
 
@@ -100,36 +106,35 @@ def _bit_count(bits):
 
 
 @njit(cache=True, nogil=True)
-def _cost_kernel(start, stop, left, right, min_disparity, volume):
+def _cost_kernel(start, stop, left, right, min_disparity, num_disparities, volume):
+    """
+    Fill rows start..stop; the right planes are mirrored and padded by the depth at either end.
+
+    Every pixel runs over the whole depth, whatever is in view, for the sake of DEPTH_STEP.
+    """
     left_b, left_g, left_r, left_gx, left_gy, left_census = left
     right_b, right_g, right_r, right_gx, right_gy, right_census = right
     _, width, depth = volume.shape
     for y in range(start, stop):
         for x in range(width):
             shift = width - 1 - x + min_disparity
-            first = min(max(0, -shift), depth)
-            last = max(min(depth, width - shift), first)
             row = volume[y, x]
-            row[:first] = OUT_OF_VIEW
-            row[last:] = OUT_OF_VIEW
-            blue, green = np.int32(left_b[y, x]), np.int32(left_g[y, x])
-            red = np.int32(left_r[y, x])
-            gx, gy = np.int32(left_gx[y, x]), np.int32(left_gy[y, x])
-            bits = left_census[y, x]
-            begin = shift + first
-            rb = right_b[y, begin:shift + last]
-            rg = right_g[y, begin:shift + last]
-            rr = right_r[y, begin:shift + last]
-            rgx = right_gx[y, begin:shift + last]
-            rgy = right_gy[y, begin:shift + last]
-            rbits = right_census[y, begin:shift + last]
-            for i in range(last - first):
-                color = np.int32(abs(np.int32(rb[i]) - blue) + abs(np.int32(rg[i]) - green)
-                                 + abs(np.int32(rr[i]) - red))
-                gradient = np.int32(abs(np.int32(rgx[i]) - gx) + abs(np.int32(rgy[i]) - gy))
-                census = _bit_count(np.uint32(bits ^ rbits[i]))
-                total = np.int32(min(color, np.int32(_COLOR_LIMIT)) * np.int32(14)
-                                 + min(census, np.int32(_CENSUS_LIMIT)) * np.int32(75)
-                                 + min(gradient, np.int32(_GRADIENT_LIMIT)) * np.int32(75))
-                # 40 / (14 * 75) = 2497 / 65536: one term reaches two thirds of COST_UNIT.
-                row[first + i] = np.uint8(np.int32(total * np.int32(2497)) >> np.int32(16))
+            begin = min(max(shift + depth, 0), width + depth)
+            rb, rg, rr = right_b[y, begin:], right_g[y, begin:], right_r[y, begin:]
+            rgx, rgy = right_gx[y, begin:], right_gy[y, begin:]
+            rbits = right_census[y, begin:]
+            blue, green, red = np.int16(left_b[y, x]), np.int16(left_g[y, x]), np.int16(left_r[y, x])
+            gx, gy, bits = left_gx[y, x], left_gy[y, x], left_census[y, x]
+            for i in range(depth):
+                color = np.int16(abs(np.int16(rb[i] - blue)) + abs(np.int16(rg[i] - green))
+                                 + abs(np.int16(rr[i] - red)))
+                slope = np.int16(abs(np.int16(rgx[i] - gx)) + abs(np.int16(rgy[i] - gy)))
+                census = np.int16(_bit_count(np.uint32(bits ^ rbits[i])))
+                total = np.int16(min(color, _COLOR_LIMIT) * np.int16(8)
+                                 + min(census, _CENSUS_LIMIT) * np.int16(43)
+                                 + min(slope, _GRADIENT_LIMIT) * np.int16(43))
+                # 600 per term at its limit become two thirds of COST_UNIT, within 16 bits.
+                row[i] = np.uint8(np.int16(total * np.int16(17)) >> np.int16(8))
+            row[:min(max(0, -shift), depth)] = OUT_OF_VIEW
+            row[max(min(depth, width - shift), 0):] = OUT_OF_VIEW
+            row[num_disparities:] = PADDING

@@ -40,23 +40,16 @@ _ISLAND = 10
 
 def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
     """
-    Match by scanline optimisation of the truncated cost, at `params.downscale`.
+    Match by scanline optimisation of the truncated cost.
 
     `disparity` is sub-pixel and NaN where left and right winners differ by more than a step.
     """
     evidence, winners, subpixel = gather_evidence(pair, params, threads)
-    right = np.where(evidence.right < 0, np.float32(np.nan),
-                     (evidence.right + evidence.min_disparity).astype(np.float32))
     first = np.float32(evidence.min_disparity)
+    right = np.where(evidence.right < 0, np.float32(np.nan), evidence.right + first)
     stable = left_right_check(winners + first, right, _TOLERANCE)
     stable &= ~_islands(np.where(stable, winners, -1))
     values = np.where(stable, subpixel + first, np.float32(np.nan))
-    if params.downscale > 1:
-        # Of whole small pixels, the range may begin before and end after what was asked for.
-        last = params.min_disparity + params.num_disparities - 1
-        values = np.clip(_enlarge(values, pair.shape, params.downscale),
-                         params.min_disparity, last)
-        right = _enlarge(right, pair.shape, params.downscale)
     disparity = DisparityMap(values, params.min_disparity, params.num_disparities)
     return Match(disparity, right, evidence=evidence)
 
@@ -69,58 +62,35 @@ def gather_evidence(pair: StereoPair, params: MatchingParams, threads: int = 1,
     Returns
     -------
     evidence : Evidence
-    winners, subpixel : float32 ndarray of shape (h, w)
+    winners, subpixel : float32 ndarray of shape (H, W)
         Index of the best disparity of the left view, and the same with its parabola offset.
 
     """
-    scale = params.downscale
-    first = int(np.floor(params.min_disparity / scale))
-    depth = -(-(params.min_disparity + params.num_disparities) // scale) - first
-    pair = _shrink(pair, scale)
+    first, depth = params.min_disparity, params.num_disparities
     cost = robust_cost_volume(pair, first, depth, threads)
-    total = _sum_paths(pair, cost, first, threads)
+    total = _sum_paths(pair, cost, first, depth, threads)
     height, width = pair.shape
     winners, subpixel = np.empty((2, height, width), np.float32)
     least = np.empty((height, width), np.int16)
-    right = np.empty((height, width), np.int32)
-    run_bands(kernels._winner_kernel, height, threads, total, winners, subpixel, least)
+    right = np.empty((height, width), np.int16)
+    run_bands(kernels._winner_kernel, height, threads, total, depth, winners, subpixel, least)
     run_bands(kernels._right_winner_kernel, height, threads, total, first, right)
-    return Evidence(total, least, cost, right, first, scale), winners, subpixel
+    return Evidence(total, least, cost, right, first, depth), winners, subpixel
 
 
-def _sum_paths(pair: StereoPair, cost: NDArray[np.uint8], min_disparity: int,
+def _sum_paths(pair: StereoPair, cost: NDArray[np.uint8], min_disparity: int, depth: int,
                threads: int) -> NDArray[np.int16]:
     assert pair.right is not None
-    height, width, depth = cost.shape
+    height, width, padded = cost.shape
     limits = _limits()
     total = np.empty(cost.shape, np.int16)
-    run_bands(kernels._horizontal_kernel, height, threads, cost,
-              _flat(pair.left, 1), _mirrored(_flat(pair.right, 1), min_disparity, depth),
+    run_bands(kernels._horizontal_kernel, height, threads, cost, depth,
+              _flat(pair.left, 1), _mirrored(_flat(pair.right, 1), min_disparity, padded),
               limits, total)
-    run_bands(kernels._vertical_kernel, width, threads, cost,
-              _flat(pair.left, 0), _mirrored(_flat(pair.right, 0), min_disparity, depth),
+    run_bands(kernels._vertical_kernel, width, threads, cost, depth,
+              _flat(pair.left, 0), _mirrored(_flat(pair.right, 0), min_disparity, padded),
               limits, total)
     return total
-
-
-def _shrink(pair: StereoPair, scale: int) -> StereoPair:
-    """Average blocks of scale x scale pixels; a rest at the right and the lower border repeats."""
-    if scale == 1:
-        return pair
-    height, width = pair.shape
-    size = -(-width // scale), -(-height // scale)
-    below, beside = size[1] * scale - height, size[0] * scale - width
-    left, right = (
-        cv2.resize(cv2.copyMakeBorder(image, 0, below, 0, beside, cv2.BORDER_REPLICATE), size,
-                   interpolation=cv2.INTER_AREA)
-        for image in (pair.left, pair.right))
-    return StereoPair(left, right)
-
-
-def _enlarge(values: FloatMap, shape: tuple[int, int], scale: int) -> FloatMap:
-    """Give every pixel of the image its block's disparity, in pixels of the image."""
-    large = values.repeat(scale, axis=0).repeat(scale, axis=1)
-    return large[:shape[0], :shape[1]] * np.float32(scale)
 
 
 def _islands(winners: FloatMap) -> NDArray[np.bool_]:
@@ -142,17 +112,18 @@ def _limits() -> NDArray[np.int16]:
 
 def _flat(image: Image, axis: int) -> NDArray[np.int16]:
     """Mark with -1 the steps along `axis` that cross no edge; entry i is the step from i - 1."""
-    wide = image.astype(np.int16)
-    change = np.abs(np.diff(wide, axis=axis))
-    if change.ndim == 3:
-        change = change.max(axis=2)
-    pad = [(0, 0), (0, 0)]
-    pad[axis] = (1, 1)
-    return np.pad(-(change < _EDGE_THRESHOLD).astype(np.int16), pad, constant_values=-1)
+    height, width = image.shape[:2]
+    flat = np.full((height + 1 - axis, width + axis), -1, np.int16)
+    kernels._flat_kernel(image.reshape(height, width, -1), 1 - axis, _EDGE_THRESHOLD, flat)
+    return flat
 
 
 def _mirrored(flags: NDArray[np.int16], min_disparity: int, depth: int) -> NDArray[np.int16]:
     """Mirror columns and pad, so that entry (width - 1 - x) + i is column x - d of `flags`."""
     width = flags.shape[1]
-    columns = np.clip(width - 1 - min_disparity - np.arange(width + depth), 0, width - 1)
-    return np.ascontiguousarray(flags[:, columns])
+    columns = width - 1 - min_disparity - np.arange(width + depth)
+    ahead = int(np.count_nonzero(columns >= width))
+    behind = int(np.count_nonzero(columns < 0))
+    seen = columns[ahead:len(columns) - behind]
+    inside = flags[:, seen[-1]:seen[0] + 1][:, ::-1] if len(seen) else flags[:, :0]
+    return np.pad(inside, ((0, 0), (ahead, behind)), mode='constant', constant_values=-1)

@@ -29,12 +29,13 @@ _FAR = np.int16(16000)
 
 
 @njit(cache=True, nogil=True, inline='always')
-def _step(before, least, cost, flat, limits, after, total):
+def _step(before, least, cost, flat, limits, after, total, depth):
     """
     Advance a path by one pixel and add it to `total`; returns the least entry of `after`.
 
-    `before` and `after` hold D + 2 entries, the ends far away. `flat` is -1 where the right
-    view is flat at a disparity, else 0; `limits` holds P1 there and what flatness adds, then P2.
+    `before` and `after` hold P + 2 entries, the first and those from depth + 1 on far away or
+    padding. `flat` is -1 where the right view is flat at a disparity, else 0; `limits` holds P1
+    there and what flatness adds, then the same of P2.
     """
     lowest = _FAR
     for i in range(cost.shape[0]):
@@ -46,47 +47,50 @@ def _step(before, least, cost, flat, limits, after, total):
         after[i + 1] = value
         total[i] = np.int16(total[i] + value)
         lowest = min(lowest, value)
+    # The padding's own cost keeps it above `lowest`; its neighbour must not see it either.
+    after[depth + 1] = _FAR
     return lowest
 
 
 @njit(cache=True, nogil=True)
-def _horizontal_kernel(start, stop, cost, flat_left, flat_right, limits, total):
+def _horizontal_kernel(start, stop, cost, depth, flat_left, flat_right, limits, total):
     """
     Set `total` to the left-to-right plus the right-to-left path, rows start..stop.
 
     flat_left : int16 (H, W + 1), -1 where the step into column x from x - 1 crosses no edge.
-    flat_right : int16 (H, W + 1 + D), mirrored and padded, so that growing i is growing d.
+    flat_right : int16 (H, W + 1 + P), mirrored and padded, so that growing i is growing d.
     """
-    _, width, depth = cost.shape
-    near = np.full(depth + 2, _FAR, np.int16)
-    far = np.full(depth + 2, _FAR, np.int16)
+    _, width, padded = cost.shape
+    near = np.full(padded + 2, _FAR, np.int16)
+    far = np.full(padded + 2, _FAR, np.int16)
     for y in range(start, stop):
         total[y] = 0
+        total[y, :, depth:] = _FAR
         for backward in range(2):
             least = np.int16(0)
-            near[1:-1] = 0
+            near[1:depth + 1] = 0
             for step in range(width):
                 x = width - 1 - step if backward else step
                 edge = x + backward
                 least = _step(near, least, cost[y, x], flat_right[y, width - edge:],
-                              limits[1 + flat_left[y, edge]], far, total[y, x])
+                              limits[1 + flat_left[y, edge]], far, total[y, x], depth)
                 near, far = far, near
 
 
 @njit(cache=True, nogil=True)
-def _vertical_kernel(start, stop, cost, flat_left, flat_right, limits, total):
+def _vertical_kernel(start, stop, cost, depth, flat_left, flat_right, limits, total):
     """
     Add the downward and the upward path to `total`, columns start..stop.
 
     flat_left : int16 (H + 1, W), -1 where the step into row y from y - 1 crosses no edge.
-    flat_right : int16 (H + 1, W + D), mirrored and padded.
+    flat_right : int16 (H + 1, W + P), mirrored and padded.
     """
-    height, width, depth = cost.shape
-    near = np.full((stop - start, depth + 2), _FAR, np.int16)
+    height, width, padded = cost.shape
+    near = np.full((stop - start, padded + 2), _FAR, np.int16)
     far = near.copy()
     least = np.zeros(stop - start, np.int16)
     for upward in range(2):
-        near[:, 1:-1] = 0
+        near[:, 1:depth + 1] = 0
         least[:] = 0
         for step in range(height):
             y = height - 1 - step if upward else step
@@ -94,19 +98,19 @@ def _vertical_kernel(start, stop, cost, flat_left, flat_right, limits, total):
             for x in range(start, stop):
                 i = x - start
                 least[i] = _step(near[i], least[i], cost[y, x], flat_right[edge, width - 1 - x:],
-                                 limits[1 + flat_left[edge, x]], far[i], total[y, x])
+                                 limits[1 + flat_left[edge, x]], far[i], total[y, x], depth)
             near, far = far, near
 
 
 @njit(cache=True, nogil=True)
-def _winner_kernel(start, stop, total, winner, subpixel, least):
+def _winner_kernel(start, stop, total, depth, winner, subpixel, least):
     """Left view: index of the least total, that with its parabola offset, and the total."""
-    _, width, depth = total.shape
+    _, width, padded = total.shape
     for y in range(start, stop):
         for x in range(width):
             row = total[y, x]
-            lowest = _FAR
-            for i in range(depth):
+            lowest = np.int16(row[0])
+            for i in range(padded):
                 lowest = min(lowest, row[i])
             best = 0
             while row[best] != lowest:
@@ -124,18 +128,38 @@ def _winner_kernel(start, stop, total, winner, subpixel, least):
 
 @njit(cache=True, nogil=True)
 def _right_winner_kernel(start, stop, total, min_disparity, winner):
-    """Right view: least total on the diagonal x + d of the left volume, rows start..stop."""
-    _, width, depth = total.shape
-    least = np.empty(width, np.int16)
+    """
+    Right view: least total on the diagonal x + d of the left volume, rows start..stop.
+
+    A mirrored row of right pixels, padded by P at either end, runs with growing d.
+    """
+    _, width, padded = total.shape
+    least = np.empty(width + 2 * padded, np.int16)
+    index = np.empty(width + 2 * padded, np.int16)
     for y in range(start, stop):
         least[:] = _FAR
-        winner[y] = -1
+        index[:] = -1
         for x in range(width):
             row = total[y, x]
-            shift = x - min_disparity
-            first = max(0, shift - width + 1)
-            last = min(depth, shift + 1)
-            for i in range(first, last):
-                if row[i] < least[shift - i]:
-                    least[shift - i] = row[i]
-                    winner[y, shift - i] = i
+            begin = min(max(width - 1 - x + min_disparity + padded, 0), width + padded)
+            lowest = least[begin:]
+            best = index[begin:]
+            for i in range(padded):
+                is_lower = row[i] < lowest[i]
+                best[i] = np.int16(i) if is_lower else best[i]
+                lowest[i] = min(lowest[i], row[i])
+        for x in range(width):
+            winner[y, x] = index[width - 1 - x + padded]
+
+
+@njit(cache=True, nogil=True)
+def _flat_kernel(image, down, threshold, flat):
+    """Set -1 where the step into a pixel from the one above or before crosses no edge, else 0."""
+    height, width, channels = image.shape
+    for y in range(down, height):
+        for x in range(1 - down, width):
+            largest = np.int32(0)
+            for c in range(channels):
+                change = np.int32(image[y, x, c]) - np.int32(image[y - down, x - 1 + down, c])
+                largest = max(largest, abs(change))
+            flat[y, x] = -1 if largest < threshold else 0

@@ -77,7 +77,7 @@ def select_planes(planes: NDArray[np.float64], lists: PixelLists, borders: Borde
     chosen = planes.copy()
     _select_kernel(chosen, lists.pixels, lists.starts, borders.pairs, borders.middle, weight,
                    touching, first, (evidence.cost, evidence.right, evidence.min_disparity,
-                                     evidence.downscale), matched)
+                                     evidence.num_disparities), matched)
     return chosen
 
 
@@ -151,11 +151,8 @@ def _step_energy(plane, label, borders, pairs, middle, weight, planes):
 
 @njit(cache=True, nogil=True)
 def _pixel_cost(x, y, d, evidence, is_matched):
-    cost, right, min_disparity, downscale = evidence
-    height, width, depth = cost.shape
-    y = min(y // downscale, height - 1)
-    x = min(x // downscale, width - 1)
-    d = d / downscale
+    cost, right, min_disparity, depth = evidence
+    width = cost.shape[1]
     partner = int(np.floor(x - d + 0.5))
     if partner < 0 or partner >= width:
         return _CONTRADICTED if is_matched else _OUT_OF_VIEW

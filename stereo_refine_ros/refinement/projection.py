@@ -77,7 +77,7 @@ def choose_candidates(proposed: FloatMap, others: Sequence[FloatMap], evidence: 
     candidates = [*others, np.where(np.isnan(proposed), others[0], proposed)]
     costs = np.empty((*proposed.shape, len(candidates)), np.float32)
     view = (evidence.total, evidence.least, evidence.right, evidence.min_disparity,
-            evidence.downscale)
+            evidence.num_disparities)
     for i, candidate in enumerate(candidates):
         blind_guess = 0.0 if i == len(others) else _BLIND_GUESS
         run_bands(_cost_kernel, proposed.shape[0], threads, candidate, view, blind_guess,
@@ -98,20 +98,18 @@ def _plane_kernel(labels, planes, low, high, values):
 
 @njit(cache=True, nogil=True)
 def _cost_kernel(start, stop, values, evidence, blind_guess, costs):
-    total, least, right, min_disparity, downscale = evidence
-    height, width, depth = total.shape
-    for row in range(start, stop):
-        y = min(row // downscale, height - 1)
-        for column in range(values.shape[1]):
-            x = min(column // downscale, width - 1)
-            d = values[row, column] / downscale
+    total, least, right, min_disparity, depth = evidence
+    width = values.shape[1]
+    for y in range(start, stop):
+        for x in range(width):
+            d = values[y, x]
             partner = int(np.floor(x - d + 0.5))
             if partner < 0 or partner >= width:
-                costs[row, column] = _OUT_OF_VIEW + blind_guess
+                costs[y, x] = _OUT_OF_VIEW + blind_guess
                 continue
             seen = right[y, partner]
             if seen + min_disparity > d + 1:
-                costs[row, column] = _OCCLUDED + blind_guess
+                costs[y, x] = _OCCLUDED + blind_guess
                 continue
             index = min(max(d - min_disparity, 0.0), depth - 1.0)
             low = int(index)
@@ -121,4 +119,4 @@ def _cost_kernel(start, stop, values, evidence, blind_guess, costs):
             cost = min(excess / TOTAL_UNIT, _LARGEST_COST)
             if seen >= 0 and seen + min_disparity < d - 1:
                 cost += _TRANSPARENT
-            costs[row, column] = cost
+            costs[y, x] = cost
