@@ -57,7 +57,7 @@ def _flag(default: bool, description: str) -> Any:
 class MatchingParams:
     """Steps 1-3: the preliminary disparity."""
 
-    method: str = _choice('sgbm', MATCHERS, 'matcher that makes the preliminary disparity')
+    method: str = _choice('scanline', MATCHERS, 'matcher that makes the preliminary disparity')
     min_disparity: int = _integer(0, -2048, 2048, 'px', 'smallest disparity searched')
     num_disparities: int = _integer(64, 1, 2048, 'px', 'number of disparities searched')
     nonlocal_refinement: bool = _flag(
@@ -70,9 +70,9 @@ class MatchingParams:
 class SegmentationParams:
     """Step 4a: graph segmentation of the left image (Felzenszwalb & Huttenlocher 2004)."""
 
-    k: float = _number(300.0, 0.0, 1e6, '-', 'scale of observation: larger k, larger segments')
+    k: float = _number(100.0, 0.0, 1e6, '-', 'scale of observation: larger k, larger segments')
     sigma: float = _number(0.5, 0.0, 10.0, 'px', 'Gaussian blur before segmentation, 0 for none')
-    min_size: int = _integer(50, 1, 1000000, 'px', 'smaller segments join their best neighbour')
+    min_size: int = _integer(30, 1, 1000000, 'px', 'smaller segments join their best neighbour')
     diagonal: bool = _flag(False, 'join diagonal neighbours too: 8 instead of 4')
 
 
@@ -97,8 +97,8 @@ class PlaneParams:
 class FilterParams:
     """Step 4c: the filter after projection."""
 
-    method: str = _choice('weighted_median', FILTERS, 'filter of the projected disparity')
-    radius: int = _integer(3, 1, 50, 'px', 'half width of the filter window')
+    method: str = _choice('median', FILTERS, 'filter of the projected disparity')
+    radius: int = _integer(2, 1, 50, 'px', 'half width of the filter window')
     eps: float = _number(0.01, 1e-9, 10.0, '-', 'regularisation of the guided filter')
     sigma_color: float = _number(10.0, 0.1, 1000.0, 'grey levels', 'how alike colours must be')
     sigma_space: float = _number(5.0, 0.1, 1000.0, 'px', 'spatial reach of the weights')
@@ -120,6 +120,8 @@ class ProcessingParams:
     """Use of the machine."""
 
     threads: int = _integer(2, 1, 256, '-', 'threads used by the kernels and by OpenCV')
+    max_rows: int = _integer(
+        240, 16, 65536, 'px', 'images with more rows are matched and refined on averaged rows')
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,8 @@ from stereo_refine_ros.matching.scanline import gather_evidence
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.refinement.filters import apply_filter
 from stereo_refine_ros.refinement.plane_stage import project_full, project_guarded, unfitted
+from stereo_refine_ros.refinement.row_binning import (
+    bin_disparities, bin_rows, repeat_rows, restore_rows, rows_per_bin)
 from stereo_refine_ros.refinement.segmentation import segment_image
 from stereo_refine_ros.types import (
     DisparityMap, FloatMap, Image, LabelMap, PlaneSegmentation, RefinementResult, StereoPair)
@@ -67,26 +69,33 @@ class StereoRefiner:
 
         """
         pair = StereoPair(left, right)
+        rows = rows_per_bin(pair.shape[0], self.params.processing.max_rows)
+        threads = self.params.processing.threads
         stage_ms: dict[str, float] = {}
         with _timed(stage_ms, 'matching'):
-            match = self._match(pair, preliminary)
+            binned = bin_rows(pair, rows)
+            match = self._match(pair, binned, preliminary, rows)
         with _timed(stage_ms, 'segmentation'):
-            labels, count = segment_image(left, self.params.segmentation)
+            labels, count = segment_image(binned.left, self.params.segmentation)
         with _timed(stage_ms, 'planes'):
-            segments, projected = self._project(pair, match, labels, count)
+            segments, projected = self._project(binned, match, labels, count)
+            projected, segments = restore_rows(
+                projected, segments, binned.left, left, rows, threads)
         with _timed(stage_ms, 'filter'):
-            refined = apply_filter(
-                projected, left, self.params.filter, self.params.processing.threads)
-        return RefinementResult(
-            self._map(refined), match.disparity, segments, _lr_ratio(match), stage_ms)
-
-    def _match(self, pair: StereoPair, preliminary: FloatMap | None) -> Match:
+            refined = apply_filter(projected, left, self.params.filter, threads)
         if preliminary is None:
-            return compute_match(pair, self.params.matching, self.params.processing.threads)
+            preliminary = repeat_rows(match.disparity.values, pair.shape[0], rows)
+        return RefinementResult(
+            self._map(refined), self._map(preliminary), segments, _lr_ratio(match), stage_ms)
+
+    def _match(self, pair: StereoPair, binned: StereoPair, preliminary: FloatMap | None,
+               rows: int) -> Match:
+        if preliminary is None:
+            return compute_match(binned, self.params.matching, self.params.processing.threads)
         if preliminary.shape != pair.shape:
             raise ValueError(
                 f'preliminary: expected shape {pair.shape}, got {preliminary.shape}')
-        return Match(self._map(preliminary.astype(np.float32)))
+        return Match(self._map(bin_disparities(preliminary.astype(np.float32), rows)))
 
     def _project(self, pair: StereoPair, match: Match, labels: LabelMap,
                  count: int) -> tuple[PlaneSegmentation, FloatMap]:
