@@ -110,7 +110,7 @@ def project_guarded(image: Image, match: Match, evidence: Evidence | None, label
 def _start(match: Match, data: FloatMap, tree: PixelTree, params: PlaneParams,
            threads: int) -> FloatMap:
     """Fill the holes of the preliminary map; with `spread`, let the stable pixels vote anew."""
-    if not params.spread:
+    if not params.spread or not np.isfinite(data).any():  # nothing votes for nothing
         return fill_from_background(match.disparity.values)
     spread = spread_over_tree(
         np.rint(data), tree, match.disparity.min_disparity, match.disparity.num_disparities,
