@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from stereo_refine_ros.types import Image
 
 MAX_SIDE = 16384  # also keeps sizes within OpenCV's 16-bit coordinates
+MAX_PIXELS = 1 << 25  # 8192 x 4096; the stages' buffers are a hundred times as large
 
 
 class ImageFields(Protocol):
@@ -158,6 +159,9 @@ def check_layout(name: str, message: ImageFields, pixel_bytes: int) -> None:
     if width > MAX_SIDE or height > MAX_SIDE:
         raise BadMessage(
             'too_large', f'{name}: {width} x {height}, at most {MAX_SIDE} pixels a side')
+    if width * height > MAX_PIXELS:
+        raise BadMessage(
+            'too_large', f'{name}: {width} x {height}, at most {MAX_PIXELS} pixels')
     if step < width * pixel_bytes:
         raise BadMessage(
             'step', f'{name}: step {step}, a row of {width} {message.encoding} '

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+import math
 import time
 from typing import Any
 
@@ -84,6 +85,7 @@ class Inputs:
     def configure(self, params: Params) -> None:
         """Start a new pairing as the parameters ask."""
         if hasattr(self, 'pairing'):
+            self._emit(self.pairing.release(math.inf))
             self._unmatched_before += self.pairing.unmatched
         self._external = params.matching.method == 'external'
         required = (LEFT, PRELIMINARY) if self._external else (

@@ -31,7 +31,7 @@ from std_msgs.msg import Header
 from stereo_refine_ros.types import PlaneSegmentation, StereoGeometry
 from visualization_msgs.msg import Marker, MarkerArray
 
-MIN_AREA_RATIO = 0.01  # smaller planes are clutter in a view of the room
+MIN_AREA_RATIO = 0.05  # floor, walls, tables; the planes of small segments are uncertain
 MAX_PLANES = 32
 _FARTHEST_M = 1000.0
 # Okabe and Ito's colours, told apart by the colour-blind.
@@ -60,13 +60,22 @@ class MetricPlane:
 
 
 def large_planes(segments: PlaneSegmentation, geometry: StereoGeometry) -> list[MetricPlane]:
-    """Find the fitted planes of at least `MIN_AREA_RATIO` of the image, largest first."""
-    area = np.bincount(segments.labels.ravel(), minlength=len(segments.planes))
-    large = segments.is_fitted & (area >= MIN_AREA_RATIO * segments.labels.size)
+    """
+    Find the fitted planes of at least `MIN_AREA_RATIO` of the image, largest first.
+
+    Segments that were merged have one plane in common and count as one.
+    """
+    fitted = np.flatnonzero(segments.is_fitted)
+    planes, group = np.unique(segments.planes[fitted], axis=0, return_inverse=True)
+    # One more group, the last, takes the pixels without a plane.
+    group_of_label = np.full(len(segments.planes), len(planes))
+    group_of_label[fitted] = group.ravel()
+    groups = group_of_label[segments.labels]
+    area = np.bincount(groups.ravel(), minlength=len(planes) + 1)[:-1]
     order = np.argsort(-area, kind='stable')
-    chosen = [label for label in order if large[label]][:MAX_PLANES]
-    planes = [_metric_plane(segments, int(label), geometry) for label in chosen]
-    return [plane for plane in planes if plane is not None]
+    chosen = order[area[order] >= MIN_AREA_RATIO * groups.size][:MAX_PLANES]
+    found = [_metric_plane(planes[i], groups == i, geometry) for i in chosen]
+    return [plane for plane in found if plane is not None]
 
 
 def plane_markers(header: Header, planes: list[MetricPlane]) -> MarkerArray:
@@ -84,12 +93,12 @@ def plane_markers(header: Header, planes: list[MetricPlane]) -> MarkerArray:
     return array
 
 
-def _metric_plane(segments: PlaneSegmentation, label: int, geometry: StereoGeometry
+def _metric_plane(plane: NDArray[np.float64], mask: NDArray[np.bool_], geometry: StereoGeometry
                   ) -> MetricPlane | None:
     """Return None for a plane that leaves the space in front of the camera in its segment."""
-    a, b, c = segments.planes[label]
-    mask = (segments.labels == label).astype(np.uint8)
-    corners = cv2.convexHull(cv2.findNonZero(mask)).reshape(-1, 2).astype(np.float64)
+    a, b, c = plane
+    hull = cv2.convexHull(cv2.findNonZero(mask.astype(np.uint8)))
+    corners = hull.reshape(-1, 2).astype(np.float64)
     factor = geometry.focal_px * geometry.baseline_m
     metric = corners @ (a, b) + c + geometry.doffs_px
     if len(corners) < 3 or metric.min() <= factor / _FARTHEST_M:

@@ -23,6 +23,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_msgs.msg import Header
 
 from stereo_refine_ros.encodings import BadMessage
@@ -70,7 +71,9 @@ class RefineNode(Node):
         self._inputs = Inputs(self, self._settings.current, self._on_set,
                               self._hold_timer.reset, self._on_incompatible)
         self._outputs = Publishers(self, self._update_subscriptions)
-        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._diagnostics = self.create_publisher(
+            DiagnosticArray, '/diagnostics', 10,
+            qos_overriding_options=QoSOverridingOptions.with_default_policies())
         self._processor = FrameProcessor(self._surroundings())
         self._worker: Worker[Frame] = Worker(
             self._prepare, self._processor.process, self._on_frame_error)
@@ -169,11 +172,12 @@ class RefineNode(Node):
         self._before, self._unmatched_before = health.now, health.unmatched
 
     def _health(self) -> Health:
-        last = self._processor.last
+        last, silent = self._processor.last, self._inputs.silent_topics()
         return Health(
             listening=self._inputs.listening, ready=self._ready, now=self._ledger.counts(),
-            before=self._before, silent=tuple(self._inputs.silent_topics()),
-            incompatible=tuple(sorted(self._incompatible)), unmatched=self._inputs.unmatched,
+            before=self._before, silent=tuple(silent),
+            incompatible=tuple(sorted(self._incompatible & set(silent))),
+            unmatched=self._inputs.unmatched,
             unmatched_before=self._unmatched_before,
             lag=describe_lag(self._inputs.pairing), fps=self._ledger.fps(),
             latency_ms=last.latency_ms, valid_ratio=last.valid_ratio)

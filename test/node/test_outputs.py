@@ -19,9 +19,12 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
+from stereo_refine_ros.datasets.synthetic import render_scene
 from stereo_refine_ros.node.outputs import (
     color_map, depth_map, image_message, point_cloud)
 from stereo_refine_ros.node.plane_markers import large_planes, plane_markers
+from stereo_refine_ros.params import load_preset
+from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.types import DisparityMap, PlaneSegmentation, StereoGeometry
 from visualization_msgs.msg import Marker
 
@@ -113,12 +116,12 @@ def test_planes_are_metric(wall):
 
 def test_outlines_follow_the_segment(wall):
     labels = np.ones(SHAPE, np.int32)
-    labels[10:21, 5:40] = 0
+    labels[10:25, 5:40] = 0
     found, = large_planes(segmentation(wall[3], labels), GEOMETRY)
     columns = found.outline[:, 0] / found.outline[:, 2] * GEOMETRY.focal_px + GEOMETRY.cx_left
     rows = found.outline[:, 1] / found.outline[:, 2] * GEOMETRY.fy + GEOMETRY.cy
     np.testing.assert_allclose([columns.min(), columns.max()], [5, 39], atol=1e-6)
-    np.testing.assert_allclose([rows.min(), rows.max()], [10, 20], atol=1e-6)
+    np.testing.assert_allclose([rows.min(), rows.max()], [10, 24], atol=1e-6)
 
 
 def test_small_unfitted_and_unbounded_planes_are_left_out(wall):
@@ -160,3 +163,35 @@ def test_labels_travel_as_32_bit():
     assert (message.encoding, message.step, message.header) == ('32SC1', 8, HEADER)
     np.testing.assert_array_equal(
         np.frombuffer(message.data, np.int32).reshape(2, 2), labels)
+
+
+def test_segments_with_one_plane_count_as_one(wall):
+    labels = np.repeat(np.arange(3, dtype=np.int32), 16)[:, None].repeat(SHAPE[1], axis=1)
+    planes = np.array([wall[3], wall[3], [0.0, 0.0, 30.0]])
+    segments = PlaneSegmentation(
+        labels, planes, np.ones(3, bool), np.ones(3, np.float32))
+    first, second = large_planes(segments, GEOMETRY)
+    np.testing.assert_allclose(first.normal, NORMAL, atol=1e-4)
+    rows = first.outline[:, 1] / first.outline[:, 2] * GEOMETRY.fy + GEOMETRY.cy
+    np.testing.assert_allclose([rows.min(), rows.max()], [0, 31], atol=1e-6)
+    np.testing.assert_allclose(second.normal, [0.0, 0.0, -1.0])
+
+
+@pytest.mark.parametrize('preset', ['live', 'accurate'])
+@pytest.mark.parametrize('seed', [0, 1])
+def test_planes_of_a_rendered_scene(preset, seed):
+    """Every plane that is shown is a true one: normal within 1 degree, offset within 1 %."""
+    scene = render_scene(seed, 480, 640, 64, doffs_px=2.5)
+    params = load_preset(preset, {'matching.num_disparities': 64})
+    result = StereoRefiner(params).process(scene.pair.left, scene.pair.right)
+    count = len(scene.planes)
+    truth = large_planes(PlaneSegmentation(
+        scene.labels, scene.planes, np.ones(count, bool), np.ones(count, np.float32)),
+        scene.geometry)
+    found = large_planes(result.segments, scene.geometry)
+    assert len(found) >= 3
+    for plane in found:
+        nearest = max(truth, key=lambda true: plane.normal @ true.normal - abs(
+            plane.offset_m - true.offset_m))
+        assert np.degrees(np.arccos(min(1.0, plane.normal @ nearest.normal))) < 1.0
+        assert plane.offset_m == pytest.approx(nearest.offset_m, rel=0.01)

@@ -12,74 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The real node in its own process, over DDS: values, bad input, parameters, accounting."""
+"""The real node in its own process, over DDS: values, bad input, accounting."""
 
-import itertools
-import time
 
-from diagnostic_msgs.msg import DiagnosticArray
 from harness import (
-    camera_info, Client, floats, image_message, reliable_inputs, running_node, stamp_of,
-    stereo_messages, textured_pair)
+    camera_info, floats, image_message, stamp_of, stereo_messages, textured_pair)
+from live_node import (
+    diagnosis, GEOMETRY, good_pair, settled_health, stamps, values_of)
 import numpy as np
 import pytest
-from rcl_interfaces.msg import ParameterType
 from sensor_msgs.msg import Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
 from stereo_refine_ros.node.conversions import fill_image
 from stereo_refine_ros.node.outputs import color_map, depth_map
-from stereo_refine_ros.params import load_preset, SPECS
-from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.frame import measure_frame
-from stereo_refine_ros.types import DisparityMap, StereoGeometry, StereoPair
+from stereo_refine_ros.types import DisparityMap, StereoPair
 from visualization_msgs.msg import MarkerArray
 
 pytestmark = pytest.mark.ros
-GEOMETRY = StereoGeometry(200.0, 0.1, 80.0, 48.0, 77.5, 200.0)
-PARAMS = load_preset('live', {'matching.num_disparities': 32, 'matching.min_disparity': 1})
-_stamps = itertools.count(1_000_000_007, 33_000_000)
-
-
-@pytest.fixture(scope='module')
-def node():
-    with running_node('-p', 'matching.num_disparities:=32',
-                      '-p', 'matching.min_disparity:=1', *reliable_inputs()) as process:
-        yield process
-
-
-@pytest.fixture(scope='module')
-def client(node):
-    client = Client()
-    for topic, kind in (('disparity', DisparityImage), ('metrics', DiagnosticArray),
-                        ('/diagnostics', DiagnosticArray)):
-        client.subscribe(topic, kind)
-    client.connect(stereo_messages(*textured_pair(), 1))
-    yield client
-    client.close()
-
-
-@pytest.fixture(scope='module')
-def core():
-    return StereoRefiner(PARAMS).process(*textured_pair())
-
-
-def good_pair():
-    return stereo_messages(*textured_pair(), next(_stamps), cx_right=77.5)
-
-
-def values_of(message):
-    return {item.key: float(item.value) for item in message.status[0].values}
-
-
-def diagnosis(client):
-    return client.received['/diagnostics'][-1].status[0]
-
-
-def settled_health(client, condition):
-    """Wait until the counters satisfy a condition; return them."""
-    client.until(lambda: client.received['/diagnostics'] and condition(client.health()), 10.0,
-                 lambda: f'counters, they are {client.health()}')
-    return client.health()
 
 
 def test_disparity_is_the_cores_with_the_fields_of_the_camera(client, core):
@@ -238,7 +188,7 @@ def test_stamps_that_never_match_are_counted_and_explained(node, client):
     for _ in range(12):
         sent = good_pair()
         for name in ('right/image_rect', 'right/camera_info'):
-            late = next(_stamps) + 500_000
+            late = next(stamps) + 500_000
             sent[name].header.stamp = stamp_of(late)
         client.send(sent)
         client.spin(0.02)
@@ -276,75 +226,6 @@ def test_time_that_jumps_back_is_survived(client):
     jumped = stereo_messages(*textured_pair(), 5_000)
     client.exchange(jumped)
     client.exchange(good_pair())
-
-
-def test_parameters_are_described(client):
-    by_name = {d.name: d for d in client.describe(*(spec.name for spec in SPECS))}
-    for spec in SPECS:
-        descriptor = by_name[spec.name]
-        assert descriptor.description.startswith(spec.description)
-        ranges = [*descriptor.integer_range, *descriptor.floating_point_range]
-        if spec.low is not None:
-            assert (ranges[0].from_value, ranges[0].to_value) == (spec.low, spec.high)
-        for choice in spec.choices:
-            assert choice in descriptor.additional_constraints
-    assert by_name['planes.iterations'].type == ParameterType.PARAMETER_INTEGER
-
-
-def test_a_batch_is_refused_whole_with_the_reason(client):
-    before = client.get('filter.radius', 'filter.method')
-    result = client.set_atomically(filter__radius=5, filter__method='magic')
-    assert not result.successful and 'magic' in result.reason and 'box' in result.reason
-    assert client.get('filter.radius', 'filter.method') == before
-
-
-@pytest.mark.parametrize('name,value,reason', [
-    ('filter__radius', 0, '0'), ('filter__radius', 2.5, 'int'), ('filter__eps', 'x', 'float'),
-    ('planes__min_inlier_ratio', 1.5, '1.5'), ('sync__approximate', 1, 'bool'),
-    ('matching__num_disparities', 0, '0'), ('filter__eps', float('nan'), 'nan')])
-def test_bad_values_are_refused(client, name, value, reason):
-    before = client.get(name.replace('__', '.'))
-    result, = client.set(**{name: value})
-    assert not result.successful and reason in result.reason
-    assert client.get(name.replace('__', '.')) == before
-
-
-def test_an_integer_is_taken_for_a_float(client):
-    assert client.set(segmentation__k=200)[0].successful
-    value, = client.get('segmentation.k')
-    assert value == 200.0 and type(value) is float
-
-
-def test_values_set_while_running_reach_the_core(client):
-    assert client.set(matching__num_disparities=20)[0].successful
-    message, = client.exchange(good_pair())
-    assert message.max_disparity == -1.5 + 19
-    params = load_preset('live', {
-        'matching.num_disparities': 20, 'matching.min_disparity': 1, 'segmentation.k': 200})
-    expected = StereoRefiner(params).process(*textured_pair()).disparity
-    np.testing.assert_array_equal(
-        floats(message.image) == -2.5, ~np.isfinite(expected.values))
-
-
-def test_a_preset_brings_its_values(client):
-    assert client.set_atomically(preset='paper', filter__radius=4).successful
-    expected = load_preset('paper', {'filter.radius': 4}).as_dict()
-    assert client.get(*expected) == list(expected.values())
-    client.exchange(good_pair(), timeout_s=60.0)
-    assert client.set(preset='live')[0].successful
-    assert client.get('filter.radius') == [load_preset('live').filter.radius]
-
-
-def test_parameters_change_while_frames_flow(node, client):
-    """Sets and frames at once: every pair is still published, superseded or refused."""
-    end = time.monotonic() + 2.0
-    radii = itertools.cycle((1, 2, 3))
-    while time.monotonic() < end:
-        client.send(good_pair())
-        client.set(filter__radius=next(radii), matching__num_disparities=16)
-    health = settled_health(client, lambda h: h['pairs_in_flight'] == 0)
-    assert health['processing_failures'] == 0
-    assert 'Traceback' not in node.log
 
 
 def test_depth_of_a_shifted_principal_point_is_metric():
