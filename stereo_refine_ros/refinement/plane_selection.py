@@ -156,7 +156,8 @@ def _pixel_cost(x, y, d, evidence, is_matched):
     partner = int(np.floor(x - d + 0.5))
     if partner < 0 or partner >= width:
         return _CONTRADICTED if is_matched else _OUT_OF_VIEW
-    if right[y, partner] + min_disparity > d + 1.0 and not is_matched:
+    seen = right[y, partner]
+    if seen >= 0 and seen + min_disparity > d + 1.0 and not is_matched:
         return _OCCLUDED
     index = d - min_disparity
     if index < 0 or index > depth - 1:

@@ -66,7 +66,7 @@ def adopt_planes(planes: NDArray[np.float64], fits: PlaneFits, borders: Borders,
         True where the plane rests on the segment's own data.
 
     """
-    own = (fits.data_count >= MIN_DATA) & (fits.inlier_ratio > params.min_inlier_ratio)
+    own = (fits.data_count >= MIN_DATA) & (fits.inlier_ratio >= params.min_inlier_ratio)
     unlikeness = (borders.color_distance - 2 * np.log(borders.length)).astype(np.float64)
     adopted = np.where(own[:, None], planes, np.nan)
     _adopt_kernel(borders.pairs, unlikeness, adopted, own.copy())
