@@ -106,16 +106,13 @@ def edge_in_right_view(right, pixel, step, disparity, threshold):
     """
     Tell whether the right view has an edge where a step of the path comes to lie.
 
-    Out of view, a horizontal step crosses no edge and a vertical one is that of the border.
+    Out of view there is none.
     """
-    width = right.shape[1]
     y, x = pixel[0], pixel[1] - disparity
-    if step[0] == 0:
-        if min(x, x - step[1]) < 0 or max(x, x - step[1]) >= width:
-            return False
-        return is_edge(right, (y, x), (y, x - step[1]), threshold)
-    x = min(max(x, 0), width - 1)
-    return is_edge(right, (y, x), (y - step[0], x), threshold)
+    v, u = y - step[0], x - step[1]
+    if min(x, u) < 0 or max(x, u) >= right.shape[1]:
+        return False
+    return is_edge(right, (y, x), (v, u), threshold)
 
 
 def right_winners(total, min_disparity):

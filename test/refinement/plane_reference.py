@@ -143,50 +143,48 @@ def adopt(planes, own, pairs, unlikeness, passes):
     return planes
 
 
-def sampled_cost(volume, x, y, index):
+def sampled_cost(volume, x, y, index, last):
     """Interpolate a volume of costs between two whole disparities."""
     low = int(index)
-    high = min(low + 1, volume.shape[2] - 1)
+    high = min(low + 1, last)
     rest = index - low
     return float(volume[y, x, low]) * (1 - rest) + float(volume[y, x, high]) * rest
 
 
 def projection_cost(evidence, values, blind_guess):
     """Return what the evidence says against every value of a map, in units of cost."""
-    height, width, depth = evidence.total.shape
+    width, last = values.shape[1], evidence.num_disparities - 1
     costs = np.empty(values.shape)
-    for row, column in np.ndindex(values.shape):
-        y, x = row // evidence.downscale, column // evidence.downscale
-        d = float(values[row, column]) / evidence.downscale
+    for y, x in np.ndindex(values.shape):
+        d = float(values[y, x])
         partner = int(np.floor(x - d + 0.5)) if np.isfinite(d) else -1
         if not 0 <= partner < width:
-            costs[row, column] = 0.5 + blind_guess
+            costs[y, x] = 0.5 + blind_guess
             continue
-        seen = evidence.right[y, partner] + evidence.min_disparity
         is_seen = evidence.right[y, partner] >= 0
+        seen = int(evidence.right[y, partner]) + evidence.min_disparity
         if is_seen and seen > d + 1:
-            costs[row, column] = 0.1 + blind_guess
+            costs[y, x] = 0.1 + blind_guess
             continue
-        index = min(max(d - evidence.min_disparity, 0), depth - 1)
-        excess = sampled_cost(evidence.total, x, y, index) - evidence.least[y, x]
-        costs[row, column] = min(excess / 240, 2.0) + (is_seen and seen < d - 1)
+        index = min(max(d - evidence.min_disparity, 0), last)
+        excess = sampled_cost(evidence.total, x, y, index, last) - evidence.least[y, x]
+        costs[y, x] = min(excess / 240, 2.0) + (is_seen and seen < d - 1)
     return costs
 
 
 def selection_cost(evidence, x, y, d, is_matched):
     """Return the cost of a plane's disparity at one pixel, in units of cost."""
-    height, width, depth = evidence.cost.shape
-    x, y, d = x // evidence.downscale, y // evidence.downscale, d / evidence.downscale
+    width, last = evidence.cost.shape[1], evidence.num_disparities - 1
     partner = int(np.floor(x - d + 0.5))
     if not 0 <= partner < width:
         return 2.0 if is_matched else 0.8
-    seen = evidence.right[y, partner]
+    seen = int(evidence.right[y, partner])
     if seen >= 0 and seen + evidence.min_disparity > d + 1 and not is_matched:
         return 0.5
     index = d - evidence.min_disparity
-    if not 0 <= index <= depth - 1:
+    if not 0 <= index <= last:
         return 2.0
-    return sampled_cost(evidence.cost, x, y, index) / 60
+    return sampled_cost(evidence.cost, x, y, index, last) / 60
 
 
 def select(planes, labels, pairs, lengths, distances, middles, evidence, matched, passes):
