@@ -69,7 +69,8 @@ def test_penalties_shrink_where_a_view_shows_an_edge():
 
 @pytest.mark.parametrize('shape, min_disparity, num_disparities', [
     ((7, 11, 3), 0, 6), ((6, 9), 0, 5), ((5, 9, 3), -3, 6), ((5, 8), 2, 4), ((4, 5, 3), -8, 20),
-    ((1, 1), 0, 1), ((1, 6, 3), 0, 4), ((6, 1), -1, 3), ((3, 4), 30, 3), ((3, 5), 0, 32), ((3, 6, 3), -4, 33), ((3, 6), -40, 40)])
+    ((1, 1), 0, 1), ((1, 6, 3), 0, 4), ((6, 1), -1, 3), ((3, 4), 30, 3),
+    ((3, 5), 0, 32), ((3, 6, 3), -4, 33), ((3, 6), -40, 40)])
 def test_totals_are_the_sum_of_four_paths(shape, min_disparity, num_disparities):
     pair = blocky_pair(shape)
     evidence, winners, subpixel = gather_evidence(
