@@ -88,8 +88,9 @@ def project_guarded(image: Image, match: Match, evidence: Evidence | None, label
     matched = np.isfinite(data)
     lists = group_pixels(labels, count)
     borders = find_borders(labels, count, image)
-    tree = minimum_tree(edge_weights(cv2.medianBlur(image, 3)))
-    begin = current = _start(match, data, tree, params, threads)
+    weights = edge_weights(cv2.medianBlur(image, 3))
+    tree = minimum_tree(weights) if params.spread else None
+    begin = current = _start(match, data, tree, threads)
     for turn in range(params.rounds):
         current = begin if turn == 0 else cv2.medianBlur(current, _ROUND_MEDIAN)
         near = np.where(np.abs(data - current) <= _FIT_REACH, data, np.float32(np.nan))
@@ -100,14 +101,15 @@ def project_guarded(image: Image, match: Match, evidence: Evidence | None, label
             current = np.where(matched | np.isnan(proposed), current, proposed)
         else:
             others = (begin,) if turn == 0 else (begin, current)
-            current = choose_candidates(proposed, others, evidence, tree, threads)
+            current = choose_candidates(
+                proposed, others, evidence, weights, tree, threads)
     if params.spread:
         current = np.where(np.abs(data - current) <= _SUBPIXEL_REACH, data, current)
     is_fitted = own & np.isfinite(planes[:, 0])
     return PlaneSegmentation(labels, planes, is_fitted, fits.inlier_ratio), current
 
 
-def _start(match: Match, data: FloatMap, tree: PixelTree, params: PlaneParams,
+def _start(match: Match, data: FloatMap, weights: NDArray[np.uint8], params: PlaneParams,
            threads: int) -> FloatMap:
     """Fill the holes of the preliminary map; with `spread`, let the stable pixels vote anew."""
     if not params.spread or not np.isfinite(data).any():  # nothing votes for nothing

@@ -17,8 +17,8 @@ Projection of the planes into the disparity map, full as in the paper or guarded
 
 Guarded, every pixel has candidates: what it had, and what the planes say. Each candidate costs
 what the optimised matching volume says against it; a candidate that the right view occludes is
-no evidence at all, and then the plane is the better guess. The costs are averaged over the
-minimum spanning tree of the image, and the cheapest candidate wins.
+no evidence at all, and then the plane is the better guess. Neighbours of like colour add their
+costs, and the cheapest candidate wins.
 """
 
 from __future__ import annotations
@@ -30,17 +30,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_refine_ros.matching.evidence import Evidence, TOTAL_UNIT
-from stereo_refine_ros.matching.tree_aggregation import aggregate, PixelTree
+from stereo_refine_ros.matching.tree_aggregation import PixelTree
+from stereo_refine_ros.refinement.support import spread_votes
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, LabelMap
 
-_SIGMA = 0.02
 _LARGEST_COST = 2.0
 _OCCLUDED, _OUT_OF_VIEW = 0.1, 0.5
 # Where nothing can be seen, the plane is preferred to what filled the hole.
 _BLIND_GUESS = 1.0
 # The right view sees something farther there: the candidate would have to be visible.
 _TRANSPARENT = 1.0
+# Candidates closer than this need no evidence: one is as good as the other, pixels.
+_ALIKE = 0.25
 
 
 def plane_disparities(labels: LabelMap, planes: NDArray[np.float64], low: float,
@@ -52,7 +54,8 @@ def plane_disparities(labels: LabelMap, planes: NDArray[np.float64], low: float,
 
 
 def choose_candidates(proposed: FloatMap, others: Sequence[FloatMap], evidence: Evidence,
-                      tree: PixelTree, threads: int = 1) -> FloatMap:
+                      weights: NDArray[np.uint8], tree: PixelTree | None = None,
+                      threads: int = 1) -> FloatMap:
     """
     Choose between the planes' disparities and others, pixel by pixel.
 
@@ -61,29 +64,28 @@ def choose_candidates(proposed: FloatMap, others: Sequence[FloatMap], evidence: 
     proposed : float32 ndarray of shape (H, W)
         The planes' disparities; NaN is never chosen.
     others : sequence of float32 ndarray of shape (H, W)
-        Dense maps; where costs are equal the first of them wins.
-    evidence : Evidence
-        What the matcher knows of each disparity.
-    tree : PixelTree
-        The costs are aggregated along it.
-    threads : int
-        Rows are shared out among them.
+        Dense maps; where nothing tells them apart the first of them is kept.
+    weights : uint8 ndarray of shape (H, W, 2)
+        Edge weights of the image's pixel graph: who counts as a neighbour.
+    tree : PixelTree, optional
+        Its spanning tree, to vote along instead of along rows and columns.
 
     Returns
     -------
     float32 ndarray of shape (H, W)
 
     """
-    candidates = [*others, np.where(np.isnan(proposed), others[0], proposed)]
-    costs = np.empty((*proposed.shape, len(candidates)), np.float32)
+    proposed = np.where(np.isnan(proposed), others[0], proposed)
     view = (evidence.total, evidence.least, evidence.right, evidence.min_disparity,
             evidence.num_disparities)
-    for i, candidate in enumerate(candidates):
-        blind_guess = 0.0 if i == len(others) else _BLIND_GUESS
-        run_bands(_cost_kernel, proposed.shape[0], threads, candidate, view, blind_guess,
-                  costs[..., i])
-    aggregate(costs, tree, _SIGMA)
-    return np.choose(costs.argmin(axis=2), candidates)
+    chosen, advantage = proposed, np.zeros_like(proposed)
+    for other in reversed(others):
+        gain = np.empty_like(proposed)
+        run_bands(_gain_kernel, proposed.shape[0], threads, proposed, other, view, gain)
+        gain = spread_votes(gain, weights, tree)
+        chosen = np.where(gain >= advantage, other, chosen)
+        advantage = np.maximum(gain, advantage)
+    return chosen
 
 
 @njit(cache=True, nogil=True)
@@ -97,26 +99,31 @@ def _plane_kernel(labels, planes, low, high, values):
 
 
 @njit(cache=True, nogil=True)
-def _cost_kernel(start, stop, values, evidence, blind_guess, costs):
-    total, least, right, min_disparity, depth = evidence
-    width = values.shape[1]
+def _gain_kernel(start, stop, proposed, other, evidence, gain):
+    """What `other` costs less than `proposed`, rows start..stop; 0 where the two are one."""
     for y in range(start, stop):
-        for x in range(width):
-            d = values[y, x]
-            partner = int(np.floor(x - d + 0.5))
-            if partner < 0 or partner >= width:
-                costs[y, x] = _OUT_OF_VIEW + blind_guess
-                continue
-            seen = right[y, partner]
-            if seen + min_disparity > d + 1:
-                costs[y, x] = _OCCLUDED + blind_guess
-                continue
-            index = min(max(d - min_disparity, 0.0), depth - 1.0)
-            low = int(index)
-            rest = index - low
-            high = min(low + 1, depth - 1)
-            excess = total[y, x, low] * (1 - rest) + total[y, x, high] * rest - least[y, x]
-            cost = min(excess / TOTAL_UNIT, _LARGEST_COST)
-            if seen >= 0 and seen + min_disparity < d - 1:
-                cost += _TRANSPARENT
-            costs[y, x] = cost
+        for x in range(proposed.shape[1]):
+            gain[y, x] = 0
+            if abs(proposed[y, x] - other[y, x]) >= _ALIKE:
+                gain[y, x] = (_candidate_cost(y, x, proposed[y, x], evidence, 0.0)
+                              - _candidate_cost(y, x, other[y, x], evidence, _BLIND_GUESS))
+
+
+@njit(cache=True, nogil=True)
+def _candidate_cost(y, x, d, evidence, blind_guess):
+    total, least, right, min_disparity, depth = evidence
+    partner = int(np.floor(x - d + 0.5))
+    if partner < 0 or partner >= right.shape[1]:
+        return _OUT_OF_VIEW + blind_guess
+    seen = right[y, partner]
+    if seen + min_disparity > d + 1:
+        return _OCCLUDED + blind_guess
+    index = min(max(d - min_disparity, 0.0), depth - 1.0)
+    low = int(index)
+    rest = index - low
+    high = min(low + 1, depth - 1)
+    excess = total[y, x, low] * (1 - rest) + total[y, x, high] * rest - least[y, x]
+    cost = min(excess / TOTAL_UNIT, _LARGEST_COST)
+    if seen >= 0 and seen + min_disparity < d - 1:
+        cost += _TRANSPARENT
+    return cost
