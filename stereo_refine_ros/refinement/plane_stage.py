@@ -89,7 +89,7 @@ def project_guarded(image: Image, match: Match, evidence: Evidence | None, label
     lists = group_pixels(labels, count)
     borders = find_borders(labels, count, image)
     weights = edge_weights(cv2.medianBlur(image, 3))
-    tree = minimum_tree(weights) if params.spread else None
+    tree = minimum_tree(weights) if params.spread and matched.any() else None
     begin = current = _start(match, data, tree, threads)
     for turn in range(params.rounds):
         current = begin if turn == 0 else cv2.medianBlur(current, _ROUND_MEDIAN)
@@ -109,10 +109,9 @@ def project_guarded(image: Image, match: Match, evidence: Evidence | None, label
     return PlaneSegmentation(labels, planes, is_fitted, fits.inlier_ratio), current
 
 
-def _start(match: Match, data: FloatMap, weights: NDArray[np.uint8], params: PlaneParams,
-           threads: int) -> FloatMap:
-    """Fill the holes of the preliminary map; with `spread`, let the stable pixels vote anew."""
-    if not params.spread or not np.isfinite(data).any():  # nothing votes for nothing
+def _start(match: Match, data: FloatMap, tree: PixelTree | None, threads: int) -> FloatMap:
+    """Fill the holes of the preliminary map; with a tree, let the stable pixels vote anew."""
+    if tree is None:
         return fill_from_background(match.disparity.values)
     spread = spread_over_tree(
         np.rint(data), tree, match.disparity.min_disparity, match.disparity.num_disparities,
