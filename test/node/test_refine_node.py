@@ -14,7 +14,6 @@
 
 """The real node in its own process, over DDS: values, bad input, accounting."""
 
-
 from harness import (
     camera_info, floats, image_message, stamp_of, stereo_messages, textured_pair)
 from live_node import (
@@ -173,9 +172,14 @@ def test_every_pair_is_accounted_for(client):
     client.received['disparity'].clear()
     client.exchange(good_pair(), ('metrics',))
     for _ in range(40):
-        client.send(good_pair())
+        newest = good_pair()
+        client.send(newest)
         client.spin(0.002)
-    client.spin(0.5)
+    client.until(lambda: client.received['disparity'][-1].header == newest[
+        'left/camera_info'].header, 10.0, 'the newest frame')
+    stamps = [(m.header.stamp.sec, m.header.stamp.nanosec)
+              for m in client.received['disparity']]
+    assert stamps == sorted(stamps)
     health = settled_health(client, lambda h: h['pairs_in_flight'] == 0 and (
         h['pairs_published'] >= before + len(client.received['disparity'])))
     assert health['pairs_received'] == (
