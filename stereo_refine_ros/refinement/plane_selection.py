@@ -33,7 +33,7 @@ from stereo_refine_ros.refinement.regions import Borders, PixelLists
 
 _PASSES = 3
 # Pixels of a segment that its planes are tried on.
-_SAMPLES = 100
+_SAMPLES = 40
 # Cost of a unit of border whose two planes differ by a pixel, at no contrast.
 _SMOOTHNESS = 4.0
 _COLOR_SCALE = 30.0

@@ -127,23 +127,29 @@ def _next_random(state):
 
 
 @njit(cache=True, nogil=True)
+def _draw(state, count):
+    """Next state of the stream and an index below `count`, from the upper bits."""
+    state, bits = _next_random(state)
+    return state, np.int64((bits >> np.uint64(33)) * np.uint64(count) >> np.uint64(31))
+
+
+@njit(cache=True, nogil=True)
 def _best_hypothesis(points, iterations, threshold, seed):
-    """Plane of least MSAC score, (a, b, c), among sampled hypotheses."""
-    count = np.uint64(points.shape[0])
+    """Plane of least MSAC score, (a, b, c), among hypotheses drawn from every n-th point."""
+    step = -(-points.shape[0] // _SCORED)
+    xs, ys, ds = points[::step, 0].copy(), points[::step, 1].copy(), points[::step, 2].copy()
+    count = xs.shape[0]
     state = np.uint64(seed) * np.uint64(0x2545F4914F6CDD1D)
-    step = max(1, points.shape[0] // _SCORED)
     best = (0.0, 0.0, 0.0)
     least = np.float32(np.inf)
     for trial in range(iterations):
-        state, i = _next_random(state)
-        p = points[i % count]
+        state, i = _draw(state, count)
         a, b = np.float32(0), np.float32(0)
         if trial >= _FRONTO_PARALLEL:
-            state, j = _next_random(state)
-            state, k = _next_random(state)
-            q, r = points[j % count], points[k % count]
-            ux, uy, ud = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-            vx, vy, vd = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+            state, j = _draw(state, count)
+            state, k = _draw(state, count)
+            ux, uy, ud = xs[j] - xs[i], ys[j] - ys[i], ds[j] - ds[i]
+            vx, vy, vd = xs[k] - xs[i], ys[k] - ys[i], ds[k] - ds[i]
             area = ux * vy - uy * vx
             if area == 0:
                 continue
@@ -151,24 +157,22 @@ def _best_hypothesis(points, iterations, threshold, seed):
             b = np.float32((ux * vd - ud * vx) / area)
             if abs(a) > _MAX_SLOPE_X or abs(b) > _MAX_SLOPE_Y:
                 continue
-        c = np.float32(p[2] - a * p[0] - b * p[1])
-        score = _msac_score(points, step, a, b, c, threshold, least)
+        c = np.float32(ds[i] - a * xs[i] - b * ys[i])
+        score = _msac_score(xs, ys, ds, a, b, c, threshold * threshold)
         if score < least:
             least = score
             best = (np.float64(a), np.float64(b), np.float64(c))
     return best
 
 
-@njit(cache=True, nogil=True)
-def _msac_score(points, step, a, b, c, threshold, give_up):
-    """Sum of squared residuals, each limited to threshold squared; stops above `give_up`."""
-    limit = threshold * threshold
+# The order of this sum is free, so that it fills vector registers; no NaN comes here.
+@njit(cache=True, nogil=True, fastmath={'reassoc', 'contract'})
+def _msac_score(xs, ys, ds, a, b, c, limit):
+    """Sum of squared residuals, each at most `limit`."""
     score = np.float32(0)
-    for i in range(0, points.shape[0], step):
-        residual = points[i, 2] - (a * points[i, 0] + b * points[i, 1] + c)
+    for i in range(xs.shape[0]):
+        residual = ds[i] - (a * xs[i] + b * ys[i] + c)
         score += min(residual * residual, limit)
-        if score > give_up:
-            break
     return score
 
 
