@@ -1,0 +1,78 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What /diagnostics says: levels that mean something, and what to do."""
+
+from diagnostic_msgs.msg import DiagnosticStatus
+import pytest
+
+from stereo_refine_ros.node.diagnostics import (
+    ADVICE, assess, describe_lag, diagnostic_status, Health)
+from stereo_refine_ros.node.ledger import Counts
+from stereo_refine_ros.node.pairing import Pairing
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+BEFORE = Counts(received=100, published=100)
+
+
+@pytest.mark.parametrize('fields,level,text', [
+    ({'ready': False}, OK, 'compiling'),
+    ({'listening': False}, OK, 'idle'),
+    ({}, OK, 'refining at 29.5'),
+    ({'silent': ('right/camera_info',)}, ERROR, 'no input on right/camera_info'),
+    ({'incompatible': ('left/image_rect',)}, ERROR, 'qos_overrides'),
+    ({'now': Counts(received=101, published=100, failures=1)}, ERROR, 'refinement failed 1'),
+    ({'now': Counts(received=101, published=101, degraded=1)}, ERROR, 'preliminary'),
+    ({'now': Counts(received=101, published=100, refused={'step': 1})}, WARN, ADVICE['step']),
+    ({'unmatched': 3, 'lag': 'right/image_rect lags by 12.0 ms'}, WARN, '3 unmatched (right'),
+    ({'now': Counts(received=130, published=120, superseded=10)}, WARN, 'too slow: 10 of 30'),
+    ({'now': Counts(received=130, published=129, superseded=1)}, OK, 'refining'),
+    ({'valid_ratio': 0.12}, WARN, 'only 12 %'),
+])
+def test_levels(fields, level, text):
+    health = Health(**{'listening': True, 'now': BEFORE, 'before': BEFORE, 'fps': 29.5,
+                       'valid_ratio': 0.9, **fields})
+    found, message = assess(health)
+    assert found == level
+    assert text in message
+
+
+def test_what_was_wrong_before_is_forgotten():
+    counts = Counts(received=9, published=2, superseded=3, failures=1, refused={'step': 4})
+    assert assess(Health(listening=True, now=counts, before=counts, unmatched=5,
+                         unmatched_before=5, valid_ratio=0.9))[0] == OK
+
+
+def test_the_status_holds_every_counter():
+    counts = Counts(received=9, published=2, superseded=3, refused={'step': 3, 'encoding': 1})
+    status = diagnostic_status('/refine_node: stereo refinement', 'left_optical', Health(
+        listening=True, now=counts, before=counts, valid_ratio=0.5, fps=12.5))
+    values = {item.key: item.value for item in status.values}
+    assert (status.name, status.hardware_id) == (
+        '/refine_node: stereo refinement', 'left_optical')
+    assert values['refused.step'] == '3' and values['refused.encoding'] == '1'
+    assert values['pairs_refused'] == '4' and values['fps'] == '12.5'
+    assert int(values['pairs_received']) == sum(int(values[f'pairs_{name}']) for name in (
+        'published', 'superseded', 'refused', 'in_flight'))
+
+
+def test_the_topic_that_lags_is_named():
+    pairing = Pairing(('left', 'right', 'info'))
+    pairing.add('left', 50_000_000, None, 0.0)
+    pairing.add('info', 50_000_000, None, 0.0)
+    assert describe_lag(pairing) == 'right never came'
+    pairing.add('right', 20_000_000, None, 0.0)
+    assert describe_lag(pairing) == 'right lags by 30.0 ms'
+    pairing.add('right', 50_000_000, None, 0.0)
+    assert describe_lag(pairing) == 'all topics are level now'
