@@ -69,12 +69,14 @@ class StereoRefiner:
 
         """
         pair = StereoPair(left, right)
+        if preliminary is not None:
+            preliminary = _checked(preliminary, pair.shape)
         rows = rows_per_bin(pair.shape[0], self.params.processing.max_rows)
         threads = self.params.processing.threads
         stage_ms: dict[str, float] = {}
         with _timed(stage_ms, 'matching'):
             binned = bin_rows(pair, rows)
-            match = self._match(pair, binned, preliminary, rows)
+            match = self._match(binned, preliminary, rows)
         with _timed(stage_ms, 'segmentation'):
             labels, count = segment_image(binned.left, self.params.segmentation)
         with _timed(stage_ms, 'planes'):
@@ -88,14 +90,10 @@ class StereoRefiner:
         return RefinementResult(
             self._map(refined), self._map(preliminary), segments, _lr_ratio(match), stage_ms)
 
-    def _match(self, pair: StereoPair, binned: StereoPair, preliminary: FloatMap | None,
-               rows: int) -> Match:
+    def _match(self, binned: StereoPair, preliminary: FloatMap | None, rows: int) -> Match:
         if preliminary is None:
             return compute_match(binned, self.params.matching, self.params.processing.threads)
-        if preliminary.shape != pair.shape:
-            raise ValueError(
-                f'preliminary: expected shape {pair.shape}, got {preliminary.shape}')
-        return Match(self._map(bin_disparities(preliminary.astype(np.float32), rows)))
+        return Match(self._map(bin_disparities(preliminary, rows)))
 
     def _project(self, pair: StereoPair, match: Match, labels: LabelMap,
                  count: int) -> tuple[PlaneSegmentation, FloatMap]:
@@ -112,6 +110,16 @@ class StereoRefiner:
     def _map(self, values: FloatMap) -> DisparityMap:
         matching = self.params.matching
         return DisparityMap(values, matching.min_disparity, matching.num_disparities)
+
+
+def _checked(preliminary: FloatMap, shape: tuple[int, int]) -> FloatMap:
+    """Copy an external map; NaN becomes the only mark of an invalid disparity."""
+    if not isinstance(preliminary, np.ndarray) or preliminary.shape != shape:
+        raise ValueError(f'preliminary: expected a numpy array of shape {shape}, '
+                         f'got {getattr(preliminary, "shape", type(preliminary).__name__)}')
+    values = preliminary.astype(np.float32)
+    values[~np.isfinite(values)] = np.nan
+    return values
 
 
 def _lr_ratio(match: Match) -> float:
