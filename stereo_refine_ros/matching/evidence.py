@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-# The paths' sum in `Evidence.total` per unit of cost: four paths in units of 1 / 60.
-TOTAL_UNIT = 240.0
+# The paths' sum in `Evidence.total` per unit of cost: four paths in units of 1 / 30.
+TOTAL_UNIT = 120.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,7 @@ from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import Image, StereoPair
 
 # One unit of cost (a fully truncated term is 2/3) as stored.
-COST_UNIT = 60
+COST_UNIT = 30
 _COLOR_LIMIT = np.int16(75)
 _CENSUS_LIMIT = np.int16(14)
 _GRADIENT_LIMIT = np.int16(14)
@@ -38,7 +38,7 @@ _GRADIENT_LIMIT = np.int16(14)
 OUT_OF_VIEW = int(0.9 * COST_UNIT)
 # Vector registers hold this many steps; a loop of another length crawls through its rest.
 DEPTH_STEP = 32
-PADDING = 255
+PADDING = 2 * COST_UNIT
 
 
 def robust_cost_volume(pair: StereoPair, min_disparity: int, num_disparities: int,
@@ -134,7 +134,7 @@ def _cost_kernel(start, stop, left, right, min_disparity, num_disparities, volum
                                  + min(census, _CENSUS_LIMIT) * np.int16(43)
                                  + min(slope, _GRADIENT_LIMIT) * np.int16(43))
                 # 600 per term at its limit become two thirds of COST_UNIT, within 16 bits.
-                row[i] = np.uint8(np.int16(total * np.int16(17)) >> np.int16(8))
+                row[i] = np.uint8(np.int16(total * np.int16(17)) >> np.int16(9))
             row[:min(max(0, -shift), depth)] = OUT_OF_VIEW
             row[max(min(depth, width - shift), 0):] = OUT_OF_VIEW
             row[num_disparities:] = PADDING

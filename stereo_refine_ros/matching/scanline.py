@@ -102,23 +102,23 @@ def _islands(winners: FloatMap) -> NDArray[np.bool_]:
     return kept != steps
 
 
-def _limits() -> NDArray[np.int16]:
-    """P1, what a flat right view adds to it, the same of P2; row 0 for a flat left view."""
+def _limits() -> NDArray[np.uint8]:
+    """P1, what a flat right view adds to it, the same of P2; row 1 for a flat left view."""
     both, one, none = (np.array([_P1, _P2]) * COST_UNIT * factor for factor in _EDGE_FACTORS)
     rows = [(low[0], high[0] - low[0], low[1], high[1] - low[1])
-            for low, high in ((one, none), (both, one))]
-    return np.rint(rows).astype(np.int16)
+            for low, high in ((both, one), (one, none))]
+    return np.rint(rows).astype(np.uint8)
 
 
-def _flat(image: Image, axis: int) -> NDArray[np.int16]:
-    """Mark with -1 the steps along `axis` that cross no edge; entry i is the step from i - 1."""
+def _flat(image: Image, axis: int) -> NDArray[np.uint8]:
+    """Mark with 255 the steps along `axis` that cross no edge; entry i is the step from i - 1."""
     height, width = image.shape[:2]
-    flat = np.full((height + 1 - axis, width + axis), -1, np.int16)
+    flat = np.full((height + 1 - axis, width + axis), 255, np.uint8)
     kernels._flat_kernel(image.reshape(height, width, -1), 1 - axis, _EDGE_THRESHOLD, flat)
     return flat
 
 
-def _mirrored(flags: NDArray[np.int16], min_disparity: int, depth: int) -> NDArray[np.int16]:
+def _mirrored(flags: NDArray[np.uint8], min_disparity: int, depth: int) -> NDArray[np.uint8]:
     """Mirror columns and pad, so that entry (width - 1 - x) + i is column x - d of `flags`."""
     width = flags.shape[1]
     columns = width - 1 - min_disparity - np.arange(width + depth)
@@ -126,4 +126,4 @@ def _mirrored(flags: NDArray[np.int16], min_disparity: int, depth: int) -> NDArr
     behind = int(np.count_nonzero(columns < 0))
     seen = columns[ahead:len(columns) - behind]
     inside = flags[:, seen[-1]:seen[0] + 1][:, ::-1] if len(seen) else flags[:, :0]
-    return np.pad(inside, ((0, 0), (ahead, behind)), mode='constant', constant_values=-1)
+    return np.pad(inside, ((0, 0), (ahead, behind)), mode='constant', constant_values=255)

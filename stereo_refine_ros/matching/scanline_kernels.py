@@ -13,11 +13,12 @@
 # limitations under the License.
 
 """
-Scanline optimisation on a cost volume in int16 (Hirschmueller 2008; penalties of Mei et al. 2011).
+Scanline optimisation on a cost volume (Hirschmueller 2008; penalties of Mei et al. 2011).
 
 Every path carries L(p, d) = C(p, d) + min(L(q, d), L(q, d +- 1) + P1, min L(q) + P2) - min L(q)
-with q the pixel before p. Casts to int16 are spelled out: numba widens integers, and only the
-narrow form fills the vector registers.
+with q the pixel before p. L stays below max C + P2, which is chosen to leave room for P1 within
+8 bits. Casts are spelled out: numba widens integers, and only the narrow form fills the vector
+registers.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ from numba import njit
 import numpy as np
 
 _FAR = np.int16(16000)
+# Stands before the first and behind the last disparity; with P1 on top it still fits 8 bits.
+_WALL = np.uint8(195)
 
 
 @njit(cache=True, nogil=True, inline='always')
@@ -33,22 +36,22 @@ def _step(before, least, cost, flat, limits, after, total, depth):
     """
     Advance a path by one pixel and add it to `total`; returns the least entry of `after`.
 
-    `before` and `after` hold P + 2 entries, the first and those from depth + 1 on far away or
-    padding. `flat` is -1 where the right view is flat at a disparity, else 0; `limits` holds P1
-    there and what flatness adds, then the same of P2.
+    `before` and `after` hold P + 2 entries, walls at 0 and at depth + 1. `flat` is 255 where the
+    right view is flat at a disparity, else 0; `limits` holds P1 and what flatness adds to it,
+    then the same of P2.
     """
-    lowest = _FAR
+    lowest = _WALL
     for i in range(cost.shape[0]):
-        small = np.int16(limits[0] + np.int16(flat[i] & limits[1]))
-        large = np.int16(limits[2] + np.int16(flat[i] & limits[3]))
-        best = min(before[i + 1], np.int16(min(before[i], before[i + 2]) + small))
-        best = min(best, np.int16(least + large))
-        value = np.int16(np.int16(cost[i]) + np.int16(best - least))
+        small = np.uint8(limits[0] + np.uint8(flat[i] & limits[1]))
+        large = np.uint8(limits[2] + np.uint8(flat[i] & limits[3]))
+        best = min(before[i + 1], np.uint8(min(before[i], before[i + 2]) + small))
+        best = min(best, np.uint8(least + large))
+        value = np.uint8(cost[i] + np.uint8(best - least))
         after[i + 1] = value
-        total[i] = np.int16(total[i] + value)
+        total[i] = np.int16(total[i] + np.int16(value))
         lowest = min(lowest, value)
-    # The padding's own cost keeps it above `lowest`; its neighbour must not see it either.
-    after[depth + 1] = _FAR
+    # Padding costs the most there is, so it is never below `lowest`; but nobody may pass it.
+    after[depth + 1] = _WALL
     return lowest
 
 
@@ -57,23 +60,23 @@ def _horizontal_kernel(start, stop, cost, depth, flat_left, flat_right, limits, 
     """
     Set `total` to the left-to-right plus the right-to-left path, rows start..stop.
 
-    flat_left : int16 (H, W + 1), -1 where the step into column x from x - 1 crosses no edge.
-    flat_right : int16 (H, W + 1 + P), mirrored and padded, so that growing i is growing d.
+    flat_left : uint8 (H, W + 1), 255 where the step into column x from x - 1 crosses no edge.
+    flat_right : uint8 (H, W + 1 + P), mirrored and padded, so that growing i is growing d.
     """
     _, width, padded = cost.shape
-    near = np.full(padded + 2, _FAR, np.int16)
-    far = np.full(padded + 2, _FAR, np.int16)
+    near = np.full(padded + 2, _WALL, np.uint8)
+    far = np.full(padded + 2, _WALL, np.uint8)
     for y in range(start, stop):
         total[y] = 0
         total[y, :, depth:] = _FAR
         for backward in range(2):
-            least = np.int16(0)
+            least = np.uint8(0)
             near[1:depth + 1] = 0
             for step in range(width):
                 x = width - 1 - step if backward else step
                 edge = x + backward
                 least = _step(near, least, cost[y, x], flat_right[y, width - edge:],
-                              limits[1 + flat_left[y, edge]], far, total[y, x], depth)
+                              limits[flat_left[y, edge] & 1], far, total[y, x], depth)
                 near, far = far, near
 
 
@@ -82,13 +85,13 @@ def _vertical_kernel(start, stop, cost, depth, flat_left, flat_right, limits, to
     """
     Add the downward and the upward path to `total`, columns start..stop.
 
-    flat_left : int16 (H + 1, W), -1 where the step into row y from y - 1 crosses no edge.
-    flat_right : int16 (H + 1, W + P), mirrored and padded.
+    flat_left : uint8 (H + 1, W), 255 where the step into row y from y - 1 crosses no edge.
+    flat_right : uint8 (H + 1, W + P), mirrored and padded.
     """
     height, width, padded = cost.shape
-    near = np.full((stop - start, padded + 2), _FAR, np.int16)
+    near = np.full((stop - start, padded + 2), _WALL, np.uint8)
     far = near.copy()
-    least = np.zeros(stop - start, np.int16)
+    least = np.zeros(stop - start, np.uint8)
     for upward in range(2):
         near[:, 1:depth + 1] = 0
         least[:] = 0
@@ -98,7 +101,7 @@ def _vertical_kernel(start, stop, cost, depth, flat_left, flat_right, limits, to
             for x in range(start, stop):
                 i = x - start
                 least[i] = _step(near[i], least[i], cost[y, x], flat_right[edge, width - 1 - x:],
-                                 limits[1 + flat_left[edge, x]], far[i], total[y, x], depth)
+                                 limits[flat_left[edge, x] & 1], far[i], total[y, x], depth)
             near, far = far, near
 
 
@@ -154,7 +157,7 @@ def _right_winner_kernel(start, stop, total, min_disparity, winner):
 
 @njit(cache=True, nogil=True)
 def _flat_kernel(image, down, threshold, flat):
-    """Set -1 where the step into a pixel from the one above or before crosses no edge, else 0."""
+    """Set 255 where the step into a pixel from the one above or before crosses no edge, else 0."""
     height, width, channels = image.shape
     for y in range(down, height):
         for x in range(1 - down, width):
@@ -162,4 +165,4 @@ def _flat_kernel(image, down, threshold, flat):
             for c in range(channels):
                 change = np.int32(image[y, x, c]) - np.int32(image[y - down, x - 1 + down, c])
                 largest = max(largest, abs(change))
-            flat[y, x] = -1 if largest < threshold else 0
+            flat[y, x] = 255 if largest < threshold else 0
