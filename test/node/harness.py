@@ -193,11 +193,11 @@ class Client:
     def set(self, **values):
         """Set parameters one by one; `__` in a name stands for a dot."""
         return self.call(SetParameters, 'set_parameters',
-                         SetParameters.Request(parameters=_messages(values))).results
+                         SetParameters.Request(parameters=parameter_messages(values))).results
 
     def set_atomically(self, **values):
-        return self.call(SetParametersAtomically, 'set_parameters_atomically',
-                         SetParametersAtomically.Request(parameters=_messages(values))).result
+        request = SetParametersAtomically.Request(parameters=parameter_messages(values))
+        return self.call(SetParametersAtomically, 'set_parameters_atomically', request).result
 
     def get(self, *names: str) -> list:
         values = self.call(
@@ -220,7 +220,7 @@ def header_of(message):
     return message.header if hasattr(message, 'header') else message.markers[0].header
 
 
-def _messages(values: dict) -> list[ParameterMsg]:
+def parameter_messages(values: dict) -> list[ParameterMsg]:
     return [Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
             for name, value in values.items()]
 
