@@ -116,7 +116,7 @@ def _candidate_cost(y, x, d, evidence, blind_guess):
     if partner < 0 or partner >= right.shape[1]:
         return _OUT_OF_VIEW + blind_guess
     seen = right[y, partner]
-    if seen + min_disparity > d + 1:
+    if seen >= 0 and seen + min_disparity > d + 1:
         return _OCCLUDED + blind_guess
     index = min(max(d - min_disparity, 0.0), depth - 1.0)
     low = int(index)
