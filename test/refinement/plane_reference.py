@@ -18,6 +18,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from stereo_refine_ros.matching.evidence import TOTAL_UNIT
+from stereo_refine_ros.matching.robust_cost import COST_UNIT
+
 STEPS = [(0, 1), (1, 0), (1, 1), (1, -1)]
 MAX_SLOPES = 0.7, 1.5
 RIDGE = 30.0
@@ -168,8 +171,14 @@ def projection_cost(evidence, values, blind_guess):
             continue
         index = min(max(d - evidence.min_disparity, 0), last)
         excess = sampled_cost(evidence.total, x, y, index, last) - evidence.least[y, x]
-        costs[y, x] = min(excess / 240, 2.0) + (is_seen and seen < d - 1)
+        costs[y, x] = min(excess / TOTAL_UNIT, 2.0) + (is_seen and seen < d - 1)
     return costs
+
+
+def gain(evidence, proposed, other, alike):
+    """Return what another map costs less than the proposed one, 0 where they are alike."""
+    lower = projection_cost(evidence, proposed, 0.0) - projection_cost(evidence, other, 1.0)
+    return np.where(np.abs(proposed - other) >= alike, lower, 0.0).astype(np.float32)
 
 
 def selection_cost(evidence, x, y, d, is_matched):
@@ -184,7 +193,7 @@ def selection_cost(evidence, x, y, d, is_matched):
     index = d - evidence.min_disparity
     if not 0 <= index <= last:
         return 2.0
-    return sampled_cost(evidence.cost, x, y, index, last) / 60
+    return sampled_cost(evidence.cost, x, y, index, last) / COST_UNIT
 
 
 def select(planes, labels, pairs, lengths, distances, middles, evidence, matched, passes):

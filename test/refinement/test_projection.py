@@ -1,0 +1,136 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Planes to disparities, and the guarded choice among candidates, against slow versions."""
+
+import numpy as np
+import plane_reference
+import pytest
+
+from stereo_refine_ros.matching.pixel_graph import edge_weights
+from stereo_refine_ros.matching.scanline import gather_evidence
+from stereo_refine_ros.matching.tree_aggregation import aggregate, minimum_tree
+from stereo_refine_ros.params import MatchingParams
+from stereo_refine_ros.refinement import projection, support
+from stereo_refine_ros.refinement.projection import choose_candidates, plane_disparities
+from stereo_refine_ros.refinement.support import spread_votes, sweep
+from stereo_refine_ros.types import StereoPair
+
+
+@pytest.fixture(autouse=True)
+def wrapping_allowed():
+    """Let unsigned scalars wrap round where the kernels run as plain Python."""
+    with np.errstate(over='ignore'):
+        yield
+
+
+def problem(seed, shape=(9, 14), min_disparity=0):
+    rng = np.random.default_rng(seed)
+    views = rng.integers(0, 256, (2, *shape, 3), dtype=np.uint8)
+    views[1, :, :-2] = views[0, :, 2:]
+    pair = StereoPair(*views)
+    evidence = gather_evidence(pair, MatchingParams('scanline', min_disparity, 7))[0]
+    return evidence, edge_weights(pair.left), rng
+
+
+def test_every_pixel_takes_the_plane_of_its_segment_within_the_range():
+    rng = np.random.default_rng(0)
+    labels = rng.integers(0, 4, (7, 8), dtype=np.int32)
+    planes = np.array([[0.5, 0.25, 1.0], [-2.0, 1.0, 3.0], [np.nan] * 3, [0.0, 0.0, 40.0]])
+    values = plane_disparities(labels, planes, -1.0, 9.0)
+    assert values.dtype == np.float32
+    for (y, x), label in np.ndenumerate(labels):
+        expected = planes[label] @ [x, y, 1.0]
+        if label == 2:
+            assert np.isnan(values[y, x])
+        else:
+            assert values[y, x] == np.float32(min(max(expected, -1.0), 9.0))
+
+
+@pytest.mark.parametrize('along_tree', [False, True])
+@pytest.mark.parametrize('seed, min_disparity', [(0, 0), (1, -3), (2, 2), (3, 1), (4, 6)])
+def test_the_candidate_with_the_most_votes_wins(seed, min_disparity, along_tree):
+    evidence, weights, rng = problem(seed, (9, 14), min_disparity)
+    tree = minimum_tree(weights) if along_tree else None
+    maps = rng.uniform(min_disparity - 3, min_disparity + 9, (3, 9, 14)).astype(np.float32)
+    maps[1, :4] = maps[2, :4] + np.float32(0.1)
+    proposed = np.where(rng.random((9, 14)) < 0.2, np.float32(np.nan), maps[2])
+    chosen = choose_candidates(proposed, maps[:2], evidence, weights, tree)
+    filled = np.where(np.isnan(proposed), maps[0], proposed)
+    votes = [spread_votes(plane_reference.gain(evidence, filled, other, projection._ALIKE),
+                          weights, tree) for other in maps[:2]]
+    winner = np.argmax([*votes, np.zeros((9, 14), np.float32)], axis=0)
+    np.testing.assert_array_equal(chosen, np.choose(winner, [*maps[:2], filled]))
+    assert {0, 1, 2} == set(winner.reshape(-1).tolist())
+
+
+def test_where_nothing_tells_candidates_apart_the_first_is_kept():
+    evidence, weights, _ = problem(0)
+    begin = np.full((9, 14), 2.0, np.float32)
+    other = begin + np.float32(0.1)
+    assert np.all(choose_candidates(other + 0.1, [begin, other], evidence, weights) == begin)
+
+
+def test_no_proposal_leaves_what_there_was():
+    evidence, weights, rng = problem(1)
+    begin = rng.uniform(0, 6, (9, 14)).astype(np.float32)
+    holes = np.full((9, 14), np.nan, np.float32)
+    np.testing.assert_array_equal(choose_candidates(holes, [begin], evidence, weights), begin)
+    assert np.isnan(choose_candidates(holes, [holes], evidence, weights)).all()
+
+
+def test_a_candidate_that_the_images_confirm_beats_one_that_they_refute():
+    evidence, weights, _ = problem(2)
+    right, wrong = (np.full((9, 14), d, np.float32) for d in (2.0, 5.0))
+    inner = (slice(None), slice(6, None))
+    assert np.all(choose_candidates(right, [wrong], evidence, weights)[inner] == 2.0)
+    assert np.all(choose_candidates(wrong, [right], evidence, weights)[inner] == 2.0)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize('threads', [2, 3])
+def test_bands_do_not_change_the_choice(threads):
+    evidence, weights, rng = problem(3)
+    first, second = rng.uniform(0, 6, (2, 9, 14)).astype(np.float32)
+    np.testing.assert_array_equal(
+        choose_candidates(second, [first], evidence, weights, threads=threads),
+        choose_candidates(second, [first], evidence, weights))
+
+
+@pytest.mark.parametrize('shape', [(6, 7), (1, 8), (8, 1), (1, 1)])
+def test_sweeps_sum_along_rows_and_then_along_columns(shape):
+    rng = np.random.default_rng(5)
+    weights = edge_weights(rng.integers(0, 12, shape, dtype=np.uint8))
+    values = rng.normal(0, 1, shape).astype(np.float32)
+    step = support._FADE * np.exp(weights / (-255 * 0.02))
+    rows, sums = np.zeros(shape), np.zeros(shape)
+    for y, x in np.ndindex(shape):
+        rows[y, x] = sum(values[y, u] * step[y, min(x, u):max(x, u), 0].prod()
+                         for u in range(shape[1]))
+    for y, x in np.ndindex(shape):
+        sums[y, x] = sum(rows[v, x] * step[min(y, v):max(y, v), x, 1].prod()
+                         for v in range(shape[0]))
+    np.testing.assert_allclose(sweep(values, weights, 0.02), sums, rtol=1e-4, atol=1e-5)
+
+
+def test_votes_along_a_tree_are_its_weighted_means():
+    rng = np.random.default_rng(6)
+    weights = edge_weights(rng.integers(0, 12, (6, 7, 3), dtype=np.uint8))
+    values = rng.normal(0, 1, (6, 7)).astype(np.float32)
+    tree = minimum_tree(weights)
+    volume = values[..., np.newaxis].copy()
+    aggregate(volume, tree, 0.02)
+    before = values.copy()
+    np.testing.assert_array_equal(spread_votes(values, weights, tree), volume[..., 0])
+    np.testing.assert_array_equal(values, before)
