@@ -29,6 +29,8 @@ from numpy.typing import NDArray
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import Image, StereoPair
 
+Features = tuple[np.ndarray, ...]
+
 # One unit of cost (a fully truncated term is 2/3) as stored.
 COST_UNIT = 30
 _COLOR_LIMIT = np.int16(75)
@@ -52,19 +54,33 @@ def robust_cost_volume(pair: StereoPair, min_disparity: int, num_disparities: in
         P is D rounded up to a multiple of DEPTH_STEP; the entries from D on hold PADDING.
 
     """
-    assert pair.right is not None
-    depth = -(-num_disparities // DEPTH_STEP) * DEPTH_STEP
-    left = _features(pair.left)
-    # Mirrored, the right row runs with growing disparity: the inner loop is contiguous.
-    pad = ((0, 0), (depth, depth))
-    right = tuple(np.pad(plane[:, ::-1], pad) for plane in _features(pair.right))
     height, width = pair.shape
-    volume = np.empty((height, width, depth), np.uint8)
+    volume = np.empty((height, width, padded_depth(num_disparities)), np.uint8)
+    left, right = matching_features(pair, num_disparities)
     run_bands(_cost_kernel, height, threads, left, right, min_disparity, num_disparities, volume)
     return volume
 
 
-def _features(image: Image) -> tuple[np.ndarray, ...]:
+def padded_depth(num_disparities: int) -> int:
+    """Round a number of disparities up to a multiple of DEPTH_STEP."""
+    return -(-num_disparities // DEPTH_STEP) * DEPTH_STEP
+
+
+def matching_features(pair: StereoPair, num_disparities: int) -> tuple[Features, Features]:
+    """
+    Compute what the cost compares: three colours, two gradients and the census of each view.
+
+    The right view's planes are mirrored, so that growing disparity runs forward in memory, and
+    padded by the depth at either end.
+    """
+    assert pair.right is not None
+    depth = padded_depth(num_disparities)
+    pad = ((0, 0), (depth, depth))
+    right = tuple(np.pad(plane[:, ::-1], pad) for plane in _features(pair.right))
+    return _features(pair.left), right
+
+
+def _features(image: Image) -> Features:
     color = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     grey = cv2.cvtColor(color, cv2.COLOR_BGR2GRAY)
     blue, green, red = cv2.split(color)
@@ -107,34 +123,39 @@ def _bit_count(bits):
 
 @njit(cache=True, nogil=True)
 def _cost_kernel(start, stop, left, right, min_disparity, num_disparities, volume):
+    for y in range(start, stop):
+        fill_cost_row(y, left, right, min_disparity, num_disparities, volume[y])
+
+
+@njit(cache=True, nogil=True)
+def fill_cost_row(y, left, right, min_disparity, num_disparities, volume):
     """
-    Fill rows start..stop; the right planes are mirrored and padded by the depth at either end.
+    Fill the costs (W, P) of image row y; see `matching_features`.
 
     Every pixel runs over the whole depth, whatever is in view, for the sake of DEPTH_STEP.
     """
     left_b, left_g, left_r, left_gx, left_gy, left_census = left
     right_b, right_g, right_r, right_gx, right_gy, right_census = right
-    _, width, depth = volume.shape
-    for y in range(start, stop):
-        for x in range(width):
-            shift = width - 1 - x + min_disparity
-            row = volume[y, x]
-            begin = min(max(shift + depth, 0), width + depth)
-            rb, rg, rr = right_b[y, begin:], right_g[y, begin:], right_r[y, begin:]
-            rgx, rgy = right_gx[y, begin:], right_gy[y, begin:]
-            rbits = right_census[y, begin:]
-            blue, green, red = np.int16(left_b[y, x]), np.int16(left_g[y, x]), np.int16(left_r[y, x])
-            gx, gy, bits = left_gx[y, x], left_gy[y, x], left_census[y, x]
-            for i in range(depth):
-                color = np.int16(abs(np.int16(rb[i] - blue)) + abs(np.int16(rg[i] - green))
-                                 + abs(np.int16(rr[i] - red)))
-                slope = np.int16(abs(np.int16(rgx[i] - gx)) + abs(np.int16(rgy[i] - gy)))
-                census = np.int16(_bit_count(np.uint32(bits ^ rbits[i])))
-                total = np.int16(min(color, _COLOR_LIMIT) * np.int16(8)
-                                 + min(census, _CENSUS_LIMIT) * np.int16(43)
-                                 + min(slope, _GRADIENT_LIMIT) * np.int16(43))
-                # 600 per term at its limit become two thirds of COST_UNIT, within 16 bits.
-                row[i] = np.uint8(np.int16(total * np.int16(17)) >> np.int16(9))
-            row[:min(max(0, -shift), depth)] = OUT_OF_VIEW
-            row[max(min(depth, width - shift), 0):] = OUT_OF_VIEW
-            row[num_disparities:] = PADDING
+    width, depth = volume.shape
+    for x in range(width):
+        shift = width - 1 - x + min_disparity
+        row = volume[x]
+        begin = min(max(shift + depth, 0), width + depth)
+        rb, rg, rr = right_b[y, begin:], right_g[y, begin:], right_r[y, begin:]
+        rgx, rgy = right_gx[y, begin:], right_gy[y, begin:]
+        rbits = right_census[y, begin:]
+        blue, green, red = np.int16(left_b[y, x]), np.int16(left_g[y, x]), np.int16(left_r[y, x])
+        gx, gy, bits = left_gx[y, x], left_gy[y, x], left_census[y, x]
+        for i in range(depth):
+            color = np.int16(abs(np.int16(rb[i] - blue)) + abs(np.int16(rg[i] - green))
+                             + abs(np.int16(rr[i] - red)))
+            slope = np.int16(abs(np.int16(rgx[i] - gx)) + abs(np.int16(rgy[i] - gy)))
+            census = np.int16(_bit_count(np.uint32(bits ^ rbits[i])))
+            total = np.int16(min(color, _COLOR_LIMIT) * np.int16(8)
+                             + min(census, _CENSUS_LIMIT) * np.int16(43)
+                             + min(slope, _GRADIENT_LIMIT) * np.int16(43))
+            # 600 per term at its limit become two thirds of COST_UNIT, within 16 bits.
+            row[i] = np.uint8(np.int16(total * np.int16(17)) >> np.int16(9))
+        row[:min(max(0, -shift), depth)] = OUT_OF_VIEW
+        row[max(min(depth, width - shift), 0):] = OUT_OF_VIEW
+        row[num_disparities:] = PADDING

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from stereo_refine_ros.matching import scanline_kernels as kernels
 from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.matching.match import Match
-from stereo_refine_ros.matching.robust_cost import COST_UNIT, robust_cost_volume
+from stereo_refine_ros.matching.robust_cost import (
+    COST_UNIT, matching_features, padded_depth)
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.refinement.consistency import left_right_check
 from stereo_refine_ros.threads import run_bands
@@ -66,31 +67,36 @@ def gather_evidence(pair: StereoPair, params: MatchingParams, threads: int = 1,
         Index of the best disparity of the left view, and the same with its parabola offset.
 
     """
-    first, depth = params.min_disparity, params.num_disparities
-    cost = robust_cost_volume(pair, first, depth, threads)
-    total = _sum_paths(pair, cost, first, depth, threads)
     height, width = pair.shape
+    span = (params.min_disparity, params.num_disparities)
+    padded = padded_depth(params.num_disparities)
+    cost = np.empty((height, width, padded), np.uint8)
+    total = np.empty((height, width, padded), np.int16)
     winners, subpixel = np.empty((2, height, width), np.float32)
-    least = np.empty((height, width), np.int16)
-    right = np.empty((height, width), np.int16)
-    run_bands(kernels._winner_kernel, height, threads, total, depth, winners, subpixel, least)
-    run_bands(kernels._right_winner_kernel, height, threads, total, first, right)
-    return Evidence(total, least, cost, right, first, depth), winners, subpixel
+    least, right = np.empty((2, height, width), np.int16)
+    views = (*matching_features(pair, params.num_disparities),
+             _edges(pair, 1, params.min_disparity, padded),
+             _edges(pair, 0, params.min_disparity, padded))
+    state = _vertical_state(width, params.num_disparities, padded)
+    # One direction a thread: each goes to the middle, then on through the other's rows.
+    run_bands(kernels.near_half_kernel, 2, threads, views, _limits(), span, (cost, total), state)
+    run_bands(kernels.far_half_kernel, 2, threads, views, _limits(), span, (cost, total), state,
+              (winners, subpixel, least, right))
+    return Evidence(total, least, cost, right, *span), winners, subpixel
 
 
-def _sum_paths(pair: StereoPair, cost: NDArray[np.uint8], min_disparity: int, depth: int,
-               threads: int) -> NDArray[np.int16]:
+def _vertical_state(width: int, depth: int, padded: int) -> tuple[np.ndarray, np.ndarray]:
+    """Both vertical paths before their first row: zero at every disparity, walls around."""
+    carried = np.full((2, 2, width, padded + 2), kernels.WALL, np.uint8)
+    carried[..., 1:depth + 1] = 0
+    return carried, np.zeros((2, width), np.uint8)
+
+
+def _edges(pair: StereoPair, axis: int, min_disparity: int, padded: int,
+           ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Flat steps along an axis, 255 or 0: left (H + 1, W) or (H, W + 1), right mirrored."""
     assert pair.right is not None
-    height, width, padded = cost.shape
-    limits = _limits()
-    total = np.empty(cost.shape, np.int16)
-    run_bands(kernels._horizontal_kernel, height, threads, cost, depth,
-              _flat(pair.left, 1), _mirrored(_flat(pair.right, 1), min_disparity, padded),
-              limits, total)
-    run_bands(kernels._vertical_kernel, width, threads, cost, depth,
-              _flat(pair.left, 0), _mirrored(_flat(pair.right, 0), min_disparity, padded),
-              limits, total)
-    return total
+    return _flat(pair.left, axis), _mirrored(_flat(pair.right, axis), min_disparity, padded)
 
 
 def _islands(winners: FloatMap) -> NDArray[np.bool_]:
@@ -114,7 +120,7 @@ def _flat(image: Image, axis: int) -> NDArray[np.uint8]:
     """Mark with 255 the steps along `axis` that cross no edge; entry i is the step from i - 1."""
     height, width = image.shape[:2]
     flat = np.full((height + 1 - axis, width + axis), 255, np.uint8)
-    kernels._flat_kernel(image.reshape(height, width, -1), 1 - axis, _EDGE_THRESHOLD, flat)
+    kernels.flat_kernel(image.reshape(height, width, -1), 1 - axis, _EDGE_THRESHOLD, flat)
     return flat
 
 

@@ -26,9 +26,11 @@ from __future__ import annotations
 from numba import njit
 import numpy as np
 
+from stereo_refine_ros.matching.robust_cost import fill_cost_row
+
 _FAR = np.int16(16000)
 # Stands before the first and behind the last disparity; with P1 on top it still fits 8 bits.
-_WALL = np.uint8(195)
+WALL = np.uint8(195)
 
 
 @njit(cache=True, nogil=True, inline='always')
@@ -40,7 +42,7 @@ def _step(before, least, cost, flat, limits, after, total, depth):
     right view is flat at a disparity, else 0; `limits` holds P1 and what flatness adds to it,
     then the same of P2.
     """
-    lowest = _WALL
+    lowest = WALL
     for i in range(cost.shape[0]):
         small = np.uint8(limits[0] + np.uint8(flat[i] & limits[1]))
         large = np.uint8(limits[2] + np.uint8(flat[i] & limits[3]))
@@ -51,112 +53,134 @@ def _step(before, least, cost, flat, limits, after, total, depth):
         total[i] = np.int16(total[i] + np.int16(value))
         lowest = min(lowest, value)
     # Padding costs the most there is, so it is never below `lowest`; but nobody may pass it.
-    after[depth + 1] = _WALL
+    after[depth + 1] = WALL
     return lowest
 
 
-@njit(cache=True, nogil=True)
-def _horizontal_kernel(start, stop, cost, depth, flat_left, flat_right, limits, total):
-    """
-    Set `total` to the left-to-right plus the right-to-left path, rows start..stop.
-
-    flat_left : uint8 (H, W + 1), 255 where the step into column x from x - 1 crosses no edge.
-    flat_right : uint8 (H, W + 1 + P), mirrored and padded, so that growing i is growing d.
-    """
-    _, width, padded = cost.shape
-    near = np.full(padded + 2, _WALL, np.uint8)
-    far = np.full(padded + 2, _WALL, np.uint8)
-    for y in range(start, stop):
-        total[y] = 0
-        total[y, :, depth:] = _FAR
-        for backward in range(2):
-            least = np.uint8(0)
-            near[1:depth + 1] = 0
-            for step in range(width):
-                x = width - 1 - step if backward else step
-                edge = x + backward
-                least = _step(near, least, cost[y, x], flat_right[y, width - edge:],
-                              limits[flat_left[y, edge] & 1], far, total[y, x], depth)
-                near, far = far, near
+# Views: features of both images, edges along the rows and edges along the columns of both.
+# Volumes: cost (uint8) and total (int16), (H, W, P). State of the vertical paths: what two rows
+# hold (2, 2, W, P + 2), by direction and parity, and the least entries (2, W).
+# Range: min_disparity and num_disparities.
 
 
 @njit(cache=True, nogil=True)
-def _vertical_kernel(start, stop, cost, depth, flat_left, flat_right, limits, total):
+def near_half_kernel(start, stop, views, limits, span, volumes, state):
     """
-    Add the downward and the upward path to `total`, columns start..stop.
+    Go from the top (direction 0) or the bottom (1) to the middle; directions start..stop.
 
-    flat_left : uint8 (H + 1, W), 255 where the step into row y from y - 1 crosses no edge.
-    flat_right : uint8 (H + 1, W + P), mirrored and padded.
+    Fills costs and horizontal paths and adds the vertical path. The two directions meet in the
+    middle and never touch the same row, so they may run side by side.
     """
-    height, width, padded = cost.shape
-    near = np.full((stop - start, padded + 2), _WALL, np.uint8)
-    far = near.copy()
-    least = np.zeros(stop - start, np.uint8)
-    for upward in range(2):
-        near[:, 1:depth + 1] = 0
-        least[:] = 0
-        for step in range(height):
-            y = height - 1 - step if upward else step
-            edge = y + upward
-            for x in range(start, stop):
-                i = x - start
-                least[i] = _step(near[i], least[i], cost[y, x], flat_right[edge, width - 1 - x:],
-                                 limits[flat_left[edge, x] & 1], far[i], total[y, x], depth)
+    left, right, row_edges, column_edges = views
+    cost, total = volumes
+    height = cost.shape[0]
+    for direction in range(start, stop):
+        for step in range(height // 2 if direction == 0 else height - height // 2):
+            y = height - 1 - step if direction else step
+            fill_cost_row(y, left, right, span[0], span[1], cost[y])
+            _horizontal_row(y, cost[y], span[1], row_edges, limits, total[y])
+            _vertical_row(y, step, direction, cost[y], span[1], column_edges, limits, total[y],
+                          state)
+
+
+@njit(cache=True, nogil=True)
+def far_half_kernel(start, stop, views, limits, span, volumes, state, winners):
+    """Go on from the middle to the other end, where a row becomes complete and has winners."""
+    _, _, _, column_edges = views
+    cost, total = volumes
+    winner, subpixel, least, right_winner = winners
+    height = cost.shape[0]
+    for direction in range(start, stop):
+        for step in range(height // 2 if direction == 0 else height - height // 2, height):
+            y = height - 1 - step if direction else step
+            _vertical_row(y, step, direction, cost[y], span[1], column_edges, limits, total[y],
+                          state)
+            _winner_row(total[y], span[1], winner[y], subpixel[y], least[y])
+            _right_winner_row(total[y], span[0], right_winner[y])
+
+
+@njit(cache=True, nogil=True)
+def _horizontal_row(y, cost, depth, edges, limits, total):
+    """Set `total` of a row to the left-to-right plus the right-to-left path."""
+    flat_left, flat_right = edges
+    width, padded = cost.shape
+    near = np.full(padded + 2, WALL, np.uint8)
+    far = np.full(padded + 2, WALL, np.uint8)
+    total[:, :depth] = 0
+    total[:, depth:] = _FAR
+    for backward in range(2):
+        least = np.uint8(0)
+        near[1:depth + 1] = 0
+        for step in range(width):
+            x = width - 1 - step if backward else step
+            edge = x + backward
+            least = _step(near, least, cost[x], flat_right[y, width - edge:],
+                          limits[flat_left[y, edge] & 1], far, total[x], depth)
             near, far = far, near
 
 
 @njit(cache=True, nogil=True)
-def _winner_kernel(start, stop, total, depth, winner, subpixel, least):
-    """Left view: index of the least total, that with its parabola offset, and the total."""
-    _, width, padded = total.shape
-    for y in range(start, stop):
-        for x in range(width):
-            row = total[y, x]
-            lowest = np.int16(row[0])
-            for i in range(padded):
-                lowest = min(lowest, row[i])
-            best = 0
-            while row[best] != lowest:
-                best += 1
-            winner[y, x] = best
-            least[y, x] = lowest
-            offset = np.float32(0)
-            if 0 < best < depth - 1:
-                before = np.float32(row[best - 1] - lowest)
-                after = np.float32(row[best + 1] - lowest)
-                if before + after > 0:
-                    offset = np.float32(0.5) * (before - after) / (before + after)
-            subpixel[y, x] = np.float32(best) + offset
+def _vertical_row(y, step, direction, cost, depth, edges, limits, total, state):
+    """Add the vertical path of a row to `total` and remember it for the next."""
+    flat_left, flat_right = edges
+    carried, least = state
+    width = cost.shape[0]
+    near, far = carried[direction, step & 1], carried[direction, 1 - (step & 1)]
+    edge = y + direction
+    for x in range(width):
+        least[direction, x] = _step(
+            near[x], least[direction, x], cost[x], flat_right[edge, width - 1 - x:],
+            limits[flat_left[edge, x] & 1], far[x], total[x], depth)
 
 
 @njit(cache=True, nogil=True)
-def _right_winner_kernel(start, stop, total, min_disparity, winner):
+def _winner_row(total, depth, winner, subpixel, least):
+    """Left view: index of the least total, that with its parabola offset, and the total."""
+    width, padded = total.shape
+    for x in range(width):
+        row = total[x]
+        lowest = np.int16(row[0])
+        for i in range(padded):
+            lowest = min(lowest, row[i])
+        best = 0
+        while row[best] != lowest:
+            best += 1
+        winner[x] = best
+        least[x] = lowest
+        offset = np.float32(0)
+        if 0 < best < depth - 1:
+            before = np.float32(row[best - 1] - lowest)
+            after = np.float32(row[best + 1] - lowest)
+            if before + after > 0:
+                offset = np.float32(0.5) * (before - after) / (before + after)
+        subpixel[x] = np.float32(best) + offset
+
+
+@njit(cache=True, nogil=True)
+def _right_winner_row(total, min_disparity, winner):
     """
-    Right view: least total on the diagonal x + d of the left volume, rows start..stop.
+    Right view: least total on the diagonal x + d of the left volume.
 
     A mirrored row of right pixels, padded by P at either end, runs with growing d.
     """
-    _, width, padded = total.shape
-    least = np.empty(width + 2 * padded, np.int16)
-    index = np.empty(width + 2 * padded, np.int16)
-    for y in range(start, stop):
-        least[:] = _FAR
-        index[:] = -1
-        for x in range(width):
-            row = total[y, x]
-            begin = min(max(width - 1 - x + min_disparity + padded, 0), width + padded)
-            lowest = least[begin:]
-            best = index[begin:]
-            for i in range(padded):
-                is_lower = row[i] < lowest[i]
-                best[i] = np.int16(i) if is_lower else best[i]
-                lowest[i] = min(lowest[i], row[i])
-        for x in range(width):
-            winner[y, x] = index[width - 1 - x + padded]
+    width, padded = total.shape
+    least = np.full(width + 2 * padded, _FAR, np.int16)
+    index = np.full(width + 2 * padded, -1, np.int16)
+    for x in range(width):
+        row = total[x]
+        begin = min(max(width - 1 - x + min_disparity + padded, 0), width + padded)
+        lowest = least[begin:]
+        best = index[begin:]
+        for i in range(padded):
+            is_lower = row[i] < lowest[i]
+            best[i] = np.int16(i) if is_lower else best[i]
+            lowest[i] = min(lowest[i], row[i])
+    for x in range(width):
+        winner[x] = index[width - 1 - x + padded]
 
 
 @njit(cache=True, nogil=True)
-def _flat_kernel(image, down, threshold, flat):
+def flat_kernel(image, down, threshold, flat):
     """Set 255 where the step into a pixel from the one above or before crosses no edge, else 0."""
     height, width, channels = image.shape
     for y in range(down, height):
