@@ -77,7 +77,7 @@ def select_planes(planes: NDArray[np.float64], lists: PixelLists, borders: Borde
     chosen = planes.copy()
     _select_kernel(chosen, lists.pixels, lists.starts, borders.pairs, borders.middle, weight,
                    touching, first, (evidence.cost, evidence.right, evidence.min_disparity,
-                                     evidence.num_disparities), matched)
+                                     evidence.num_disparities, float(COST_UNIT)), matched)
     return chosen
 
 
@@ -151,7 +151,7 @@ def _step_energy(plane, label, borders, pairs, middle, weight, planes):
 
 @njit(cache=True, nogil=True)
 def _pixel_cost(x, y, d, evidence, is_matched):
-    cost, right, min_disparity, depth = evidence
+    cost, right, min_disparity, depth, unit = evidence
     width = cost.shape[1]
     partner = int(np.floor(x - d + 0.5))
     if partner < 0 or partner >= width:
@@ -165,4 +165,4 @@ def _pixel_cost(x, y, d, evidence, is_matched):
     low = int(index)
     rest = index - low
     high = min(low + 1, depth - 1)
-    return (cost[y, x, low] * (1 - rest) + cost[y, x, high] * rest) / COST_UNIT
+    return (cost[y, x, low] * (1 - rest) + cost[y, x, high] * rest) / unit

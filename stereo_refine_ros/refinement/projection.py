@@ -77,7 +77,7 @@ def choose_candidates(proposed: FloatMap, others: Sequence[FloatMap], evidence: 
     """
     proposed = np.where(np.isnan(proposed), others[0], proposed)
     view = (evidence.total, evidence.least, evidence.right, evidence.min_disparity,
-            evidence.num_disparities)
+            evidence.num_disparities, TOTAL_UNIT)
     chosen, advantage = proposed, np.zeros_like(proposed)
     for other in reversed(others):
         gain = np.empty_like(proposed)
@@ -111,7 +111,7 @@ def _gain_kernel(start, stop, proposed, other, evidence, gain):
 
 @njit(cache=True, nogil=True)
 def _candidate_cost(y, x, d, evidence, blind_guess):
-    total, least, right, min_disparity, depth = evidence
+    total, least, right, min_disparity, depth, unit = evidence
     partner = int(np.floor(x - d + 0.5))
     if partner < 0 or partner >= right.shape[1]:
         return _OUT_OF_VIEW + blind_guess
@@ -123,7 +123,7 @@ def _candidate_cost(y, x, d, evidence, blind_guess):
     rest = index - low
     high = min(low + 1, depth - 1)
     excess = total[y, x, low] * (1 - rest) + total[y, x, high] * rest - least[y, x]
-    cost = min(excess / TOTAL_UNIT, _LARGEST_COST)
+    cost = min(excess / unit, _LARGEST_COST)
     if seen >= 0 and seen + min_disparity < d - 1:
         cost += _TRANSPARENT
     return cost
