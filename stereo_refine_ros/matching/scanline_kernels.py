@@ -139,12 +139,12 @@ def _winner_row(total, depth, winner, subpixel, least):
     width, padded = total.shape
     for x in range(width):
         row = total[x]
-        lowest = np.int16(row[0])
+        # Value and index in one number: the least of them is the first of the least values.
+        key = np.int32(row[0]) << np.int32(12)
         for i in range(padded):
-            lowest = min(lowest, row[i])
-        best = 0
-        while row[best] != lowest:
-            best += 1
+            key = min(key, np.int32((np.int32(row[i]) << np.int32(12)) | np.int32(i)))
+        best = np.int64(key & np.int32(4095))
+        lowest = row[best]
         winner[x] = best
         least[x] = lowest
         offset = np.float32(0)
