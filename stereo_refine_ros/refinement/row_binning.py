@@ -104,31 +104,43 @@ def _planes_of_rows(planes: NDArray[np.float64], rows: int) -> NDArray[np.float6
 
 @njit(cache=True, nogil=True)
 def _restore_kernel(start, stop, values, labels, binned, image, rows, restored, restored_labels):
-    height, width, channels = binned.shape
+    height, width, _ = binned.shape
     for y in range(start, stop):
         v = (y + np.float32(0.5)) / rows - np.float32(0.5)
         upper = min(max(int(np.floor(v)), 0), height - 1)
         lower = min(upper + 1, height - 1)
         part = min(max(v - upper, np.float32(0)), np.float32(1))
+        nearest = lower if part > np.float32(0.5) else upper
         for x in range(width):
-            least = np.float32(1e9)
-            row, column = upper, x
-            for candidate in range(2):
-                cv = lower if candidate else upper
-                away = (1 - part) if candidate else part
-                for cx in range(max(x - 1, 0), min(x + 2, width)):
-                    change = np.int32(0)
-                    for c in range(channels):
-                        change += abs(np.int32(image[y, x, c]) - np.int32(binned[cv, cx, c]))
-                    unlike = (np.float32(change * 3 // channels)
-                              + np.float32(_ROW_WEIGHT) * away
-                              + np.float32(_COLUMN_WEIGHT) * abs(cx - x))
-                    if unlike < least:
-                        least = unlike
-                        row, column = cv, cx
-            value = values[row, column]
-            above, below = values[upper, column], values[lower, column]
-            if abs(above - below) <= _SAME_SURFACE:
-                value = above + part * (below - above)
-            restored[y, x] = value
+            above, below = values[upper, x], values[lower, x]
+            between = above + part * (below - above)
+            left, right = max(x - 1, 0), min(x + 1, width - 1)
+            spread = max(abs(above - below), abs(values[nearest, left] - values[nearest, right]))
+            if spread <= _SAME_SURFACE:
+                restored[y, x] = between
+                restored_labels[y, x] = labels[nearest, x]
+                continue
+            row, column = _most_alike(image[y, x], binned, upper, lower, left, x, right, part)
+            is_smooth = column == x and abs(above - below) <= _SAME_SURFACE
+            restored[y, x] = between if is_smooth else values[row, column]
             restored_labels[y, x] = labels[row, column]
+
+
+@njit(cache=True, nogil=True)
+def _most_alike(color, binned, upper, lower, left, x, right, part):
+    """Return the row and column of the binned neighbour nearest in colour and place."""
+    least = np.float32(1e9)
+    best = (upper, x)
+    for side in range(2):
+        row = lower if side else upper
+        away = (1 - part) if side else part
+        for column in range(left, right + 1):
+            change = np.int32(0)
+            for c in range(color.shape[0]):
+                change += abs(np.int32(color[c]) - np.int32(binned[row, column, c]))
+            unlike = (np.float32(change * 3 // color.shape[0]) + np.float32(_ROW_WEIGHT) * away
+                      + np.float32(_COLUMN_WEIGHT) * abs(column - x))
+            if unlike < least:
+                least = unlike
+                best = (row, column)
+    return best
