@@ -134,10 +134,23 @@ def _draw(state, count):
 
 
 @njit(cache=True, nogil=True)
+def _sample(points):
+    """Return x, y and d of one point out of every n, at most _SCORED in all."""
+    total = points.shape[0]
+    step = -(-total // _SCORED)
+    sample = np.empty((3, -(-total // step)), np.float32)
+    for i in range(sample.shape[1]):
+        # Always the first of n would be one column of the image where n is a segment's width;
+        # multiples of the golden ratio are spread evenly.
+        which = int(i * 0.6180339887498949 % 1.0 * step)
+        sample[:, i] = points[min(i * step + which, total - 1)]
+    return sample[0], sample[1], sample[2]
+
+
+@njit(cache=True, nogil=True)
 def _best_hypothesis(points, iterations, threshold, seed):
-    """Plane of least MSAC score, (a, b, c), among hypotheses drawn from every n-th point."""
-    step = -(-points.shape[0] // _SCORED)
-    xs, ys, ds = points[::step, 0].copy(), points[::step, 1].copy(), points[::step, 2].copy()
+    """Plane of least MSAC score, (a, b, c), among hypotheses drawn from a sample."""
+    xs, ys, ds = _sample(points)
     count = xs.shape[0]
     state = np.uint64(seed) * np.uint64(0x2545F4914F6CDD1D)
     best = (0.0, 0.0, 0.0)
