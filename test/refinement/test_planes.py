@@ -167,6 +167,19 @@ def test_a_line_of_pixels_gets_a_plane_through_it(shape):
     assert np.abs(render(labels, fits.planes) - data).max() < 0.1
 
 
+@pytest.mark.parametrize('slope', [(0.3, -0.1), (0.6, 0.0), (0.5, 0.5)])
+@pytest.mark.parametrize('shape', [(200, 24), (400, 12), (24, 200), (70, 70)])
+def test_a_rectangle_is_not_judged_by_one_of_its_columns(shape, slope):
+    rng = np.random.default_rng(0)
+    labels = np.zeros(shape, np.int32)
+    truth = render(labels, [[*slope, 40.0]])
+    data = (truth + rng.normal(0, 0.3, shape)).astype(np.float32)
+    data[rng.random(shape) < 0.3] = 55.0
+    fits = fit(labels, data)
+    assert np.abs(render(labels, fits.planes) - truth).max() < 0.2
+    assert fits.inlier_ratio[0] == pytest.approx(0.7, abs=0.05)
+
+
 def test_one_iteration_is_enough_for_a_flat_segment():
     labels = np.zeros((4, 5), np.int32)
     fits = fit(labels, np.full(labels.shape, 9.0, np.float32), iterations=1)
