@@ -28,11 +28,12 @@ from stereo_refine_ros.matching.scanline import gather_evidence
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.refinement.filters import apply_filter
 from stereo_refine_ros.refinement.plane_stage import project_full, project_guarded, unfitted
+from stereo_refine_ros.refinement.regions import describe_image, ImageStructure
 from stereo_refine_ros.refinement.row_binning import (
-    bin_disparities, bin_rows, repeat_rows, restore_rows, rows_per_bin)
-from stereo_refine_ros.refinement.segmentation import segment_image
+    bin_disparities, bin_rows, keep_agreeing, repeat_rows, restore_rows, rows_per_bin)
+from stereo_refine_ros.threads import start
 from stereo_refine_ros.types import (
-    DisparityMap, FloatMap, Image, LabelMap, PlaneSegmentation, RefinementResult, StereoPair)
+    DisparityMap, FloatMap, Image, PlaneSegmentation, RefinementResult, StereoPair)
 
 
 class StereoRefiner:
@@ -74,15 +75,18 @@ class StereoRefiner:
         rows = rows_per_bin(pair.shape[0], self.params.processing.max_rows)
         threads = self.params.processing.threads
         stage_ms: dict[str, float] = {}
+        binned = bin_rows(pair, rows)
+        # The segments need no disparity: they are found beside the matching.
+        structure_task = start(threads, self._describe, binned.left, stage_ms)
         with _timed(stage_ms, 'matching'):
-            binned = bin_rows(pair, rows)
             match = self._match(binned, preliminary, rows)
-        with _timed(stage_ms, 'segmentation'):
-            labels, count = segment_image(binned.left, self.params.segmentation)
+        structure = structure_task.result()
         with _timed(stage_ms, 'planes'):
-            segments, projected = self._project(binned, match, labels, count)
+            segments, projected = self._project(binned, match, structure)
             projected, segments = restore_rows(
                 projected, segments, binned.left, left, rows, threads)
+            if preliminary is not None and rows > 1:
+                projected = keep_agreeing(projected, preliminary)
         with _timed(stage_ms, 'filter'):
             refined = apply_filter(projected, left, self.params.filter, threads)
         if preliminary is None:
@@ -90,22 +94,27 @@ class StereoRefiner:
         return RefinementResult(
             self._map(refined), self._map(preliminary), segments, _lr_ratio(match), stage_ms)
 
+    def _describe(self, image: Image, stage_ms: dict[str, float]) -> ImageStructure:
+        with _timed(stage_ms, 'segmentation'):
+            return describe_image(
+                image, self.params.segmentation, with_tree=self.params.planes.spread)
+
     def _match(self, binned: StereoPair, preliminary: FloatMap | None, rows: int) -> Match:
         if preliminary is None:
             return compute_match(binned, self.params.matching, self.params.processing.threads)
         return Match(self._map(bin_disparities(preliminary, rows)))
 
-    def _project(self, pair: StereoPair, match: Match, labels: LabelMap,
-                 count: int) -> tuple[PlaneSegmentation, FloatMap]:
+    def _project(self, pair: StereoPair, match: Match, structure: ImageStructure,
+                 ) -> tuple[PlaneSegmentation, FloatMap]:
         planes, threads = self.params.planes, self.params.processing.threads
         if planes.projection == 'off':
-            return unfitted(labels, count), match.disparity.values
+            return unfitted(structure.labels, structure.count), match.disparity.values
         if planes.projection == 'full':
-            return project_full(match, labels, count, planes, threads)
+            return project_full(match, structure, planes, threads)
         evidence = match.evidence
         if evidence is None and pair.right is not None:
             evidence = gather_evidence(pair, self.params.matching, threads)[0]
-        return project_guarded(pair.left, match, evidence, labels, count, planes, threads)
+        return project_guarded(match, evidence, structure, planes, threads)
 
     def _map(self, values: FloatMap) -> DisparityMap:
         matching = self.params.matching
@@ -126,12 +135,11 @@ def _lr_ratio(match: Match) -> float:
     """Share of pixels that passed the left-right check, NaN where there is no right view."""
     if match.right is None:
         return float('nan')
-    checked = match.disparity.values if match.subpixel is None else match.subpixel
-    return float(np.count_nonzero(np.isfinite(checked))) / checked.size
+    return float(np.count_nonzero(np.isfinite(match.fit_data))) / match.fit_data.size
 
 
 @contextmanager
 def _timed(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
-    start = time.perf_counter()
+    begin = time.perf_counter()
     yield
-    stage_ms[stage] = (time.perf_counter() - start) * 1e3
+    stage_ms[stage] = (time.perf_counter() - begin) * 1e3

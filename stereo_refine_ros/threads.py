@@ -16,8 +16,8 @@
 Bands of rows on a few threads, for kernels that release the interpreter lock.
 
 Numba's own thread layers spin after a loop or refuse concurrent callers, and OpenCV keeps a
-pool of its own; one small pool here keeps two cores from being fought over, and a band's result
-does not depend on how many bands there are.
+pool of its own; one small pool here keeps two cores from being fought over. Bands are taken by
+whoever is free, and a band's result does not depend on who took it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import lru_cache
+from itertools import count
 from typing import Any
+
+_BANDS_PER_THREAD = 4
 
 
 @lru_cache(maxsize=None)
@@ -34,14 +37,24 @@ def _pool(workers: int) -> ThreadPoolExecutor:
 
 
 def run_bands(kernel: Callable[..., Any], size: int, threads: int, *args: Any) -> None:
-    """Call `kernel(start, stop, *args)` for `threads` bands that cover range(size)."""
-    bands = max(1, min(threads, size))
+    """Call `kernel(start, stop, *args)` for bands that cover range(size), on free threads."""
+    if threads == 1 or size < 2:
+        kernel(0, size, *args)
+        return
+    bands = min(size, threads * _BANDS_PER_THREAD)
     bounds = [size * i // bands for i in range(bands + 1)]
-    others = [_pool(bands - 1).submit(kernel, bounds[i], bounds[i + 1], *args)
-              for i in range(1, bands)] if bands > 1 else []
-    kernel(bounds[0], bounds[1], *args)
-    for other in others:
-        other.result()
+    taken = count()
+
+    def work() -> None:
+        while (band := next(taken)) < bands:
+            kernel(bounds[band], bounds[band + 1], *args)
+
+    helpers = [_pool(threads - 1).submit(work) for _ in range(min(threads, bands) - 1)]
+    work()
+    # A helper that has not begun is busy elsewhere, and nothing is left for it.
+    for helper in helpers:
+        if not helper.cancel():
+            helper.result()
 
 
 def start(threads: int, task: Callable[..., Any], *args: Any) -> Future[Any]:

@@ -45,3 +45,8 @@ class Match:
     right: FloatMap | None = None
     subpixel: FloatMap | None = None
     evidence: Evidence | None = None
+
+    @property
+    def fit_data(self) -> FloatMap:
+        """What planes are fitted to: `subpixel` where there is one, else `disparity`."""
+        return self.disparity.values if self.subpixel is None else self.subpixel

@@ -27,17 +27,16 @@ from numpy.typing import NDArray
 
 from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.matching.match import Match
-from stereo_refine_ros.matching.pixel_graph import edge_weights
-from stereo_refine_ros.matching.tree_aggregation import minimum_tree, PixelTree
+from stereo_refine_ros.matching.tree_aggregation import PixelTree
 from stereo_refine_ros.params import PlaneParams
 from stereo_refine_ros.quality.filling import fill_from_background
 from stereo_refine_ros.refinement.plane_selection import select_planes
 from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar
 from stereo_refine_ros.refinement.planes import fit_planes, PlaneFits
 from stereo_refine_ros.refinement.projection import choose_candidates, plane_disparities
-from stereo_refine_ros.refinement.regions import Borders, find_borders, group_pixels, PixelLists
+from stereo_refine_ros.refinement.regions import ImageStructure
 from stereo_refine_ros.refinement.tree_filter import spread_over_tree
-from stereo_refine_ros.types import FloatMap, Image, LabelMap, PlaneSegmentation
+from stereo_refine_ros.types import FloatMap, LabelMap, PlaneSegmentation
 
 # Fit data farther than this from the current map are outliers of the matcher.
 _FIT_REACH = 2.0
@@ -53,24 +52,23 @@ def unfitted(labels: LabelMap, count: int) -> PlaneSegmentation:
                              np.zeros(count, np.float32))
 
 
-def project_full(match: Match, labels: LabelMap, count: int, params: PlaneParams,
+def project_full(match: Match, structure: ImageStructure, params: PlaneParams,
                  threads: int = 1) -> tuple[PlaneSegmentation, FloatMap]:
     """
     Give every pixel of a fitted segment its plane, as the paper does (section 2.4).
 
     Segments whose inlier ratio is too low keep what they had, holes included.
     """
-    data = match.disparity.values if match.subpixel is None else match.subpixel
-    fits = fit_planes(group_pixels(labels, count), data, params, threads)
+    fits = fit_planes(structure.lists, match.fit_data, params, threads)
     is_fitted = fits.inlier_ratio >= max(params.min_inlier_ratio, 1e-6)
     planes = np.where(is_fitted[:, None], fits.planes, np.nan)
-    projected = plane_disparities(labels, planes, *_range(match))
+    projected = plane_disparities(structure.labels, planes, *_range(match))
     values = np.where(np.isnan(projected), match.disparity.values, projected)
-    return PlaneSegmentation(labels, planes, is_fitted, fits.inlier_ratio), values
+    return PlaneSegmentation(structure.labels, planes, is_fitted, fits.inlier_ratio), values
 
 
-def project_guarded(image: Image, match: Match, evidence: Evidence | None, labels: LabelMap,
-                    count: int, params: PlaneParams, threads: int = 1,
+def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStructure,
+                    params: PlaneParams, threads: int = 1,
                     ) -> tuple[PlaneSegmentation, FloatMap]:
     """
     Let the planes change the map where the evidence says so, and fill its holes.
@@ -84,49 +82,45 @@ def project_guarded(image: Image, match: Match, evidence: Evidence | None, label
         Dense, unless the preliminary map has no valid pixel at all.
 
     """
-    data = match.disparity.values if match.subpixel is None else match.subpixel
+    data = match.fit_data
     matched = np.isfinite(data)
-    lists = group_pixels(labels, count)
-    borders = find_borders(labels, count, image)
-    weights = edge_weights(cv2.medianBlur(image, 3))
-    tree = minimum_tree(weights) if params.spread and matched.any() else None
-    begin = current = _start(match, data, tree, threads)
+    begin = current = _start(match, structure.tree, threads)
     for turn in range(params.rounds):
         current = begin if turn == 0 else cv2.medianBlur(current, _ROUND_MEDIAN)
         near = np.where(np.abs(data - current) <= _FIT_REACH, data, np.float32(np.nan))
-        fits = fit_planes(lists, near, params, threads)
-        planes, own = _share(fits, lists, borders, evidence, matched, params)
-        proposed = plane_disparities(labels, planes, *_range(match))
+        fits = fit_planes(structure.lists, near, params, threads)
+        planes, own = _share(fits, structure, evidence, matched, params)
+        proposed = plane_disparities(structure.labels, planes, *_range(match))
         if evidence is None:
-            current = np.where(matched | np.isnan(proposed), current, proposed)
+            current = np.where(matched | np.isnan(proposed), begin, proposed)
         else:
             others = (begin,) if turn == 0 else (begin, current)
             current = choose_candidates(
-                proposed, others, evidence, weights, tree, threads)
-    if params.spread:
+                proposed, others, evidence, structure.weights, structure.tree, threads)
+    if structure.tree is not None:
         current = np.where(np.abs(data - current) <= _SUBPIXEL_REACH, data, current)
     is_fitted = own & np.isfinite(planes[:, 0])
-    return PlaneSegmentation(labels, planes, is_fitted, fits.inlier_ratio), current
+    return PlaneSegmentation(structure.labels, planes, is_fitted, fits.inlier_ratio), current
 
 
-def _start(match: Match, data: FloatMap, tree: PixelTree | None, threads: int) -> FloatMap:
+def _start(match: Match, tree: PixelTree | None, threads: int) -> FloatMap:
     """Fill the holes of the preliminary map; with a tree, let the stable pixels vote anew."""
-    if tree is None:
+    if tree is None or match.evidence is None or not np.isfinite(match.fit_data).any():
         return fill_from_background(match.disparity.values)
     spread = spread_over_tree(
-        np.rint(data), tree, match.disparity.min_disparity, match.disparity.num_disparities,
-        _SPREAD_SIGMA, _SPREAD_LIMIT, threads)
+        np.rint(match.fit_data), tree, match.disparity.min_disparity,
+        match.disparity.num_disparities, _SPREAD_SIGMA, _SPREAD_LIMIT, threads)
     return cv2.medianBlur(spread, 3)
 
 
-def _share(fits: PlaneFits, lists: PixelLists, borders: Borders, evidence: Evidence | None,
+def _share(fits: PlaneFits, structure: ImageStructure, evidence: Evidence | None,
            matched: NDArray[np.bool_], params: PlaneParams,
            ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Merge, adopt, select; `own` marks segments whose plane rests on their own data."""
-    merged = merge_coplanar(fits, borders, params)
-    planes, own = adopt_planes(merged, fits, borders, params)
+    merged = merge_coplanar(fits, structure.borders, params)
+    planes, own = adopt_planes(merged, fits, structure.borders, params)
     if evidence is not None:
-        planes = select_planes(planes, lists, borders, evidence, matched)
+        planes = select_planes(planes, structure.lists, structure.borders, evidence, matched)
     return planes, own
 
 

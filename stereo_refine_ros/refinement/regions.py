@@ -18,10 +18,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.matching.pixel_graph import edge_weights
+from stereo_refine_ros.matching.tree_aggregation import minimum_tree, PixelTree
+from stereo_refine_ros.params import SegmentationParams
+from stereo_refine_ros.refinement.segmentation import segment_image
 from stereo_refine_ros.types import Image, LabelMap
 
 IndexArray = NDArray[np.int32]
@@ -70,6 +75,41 @@ class Borders:
     contrast: NDArray[np.float32]
     color_distance: NDArray[np.float32]
     middle: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class ImageStructure:
+    """
+    What the planes need to know of the left image, none of it of the disparity.
+
+    Attributes
+    ----------
+    labels : int32 ndarray of shape (H, W), 0..count - 1
+    count : int
+    lists : PixelLists
+    borders : Borders
+    weights : uint8 ndarray of shape (H, W, 2)
+        Edge weights of the pixel graph of the median-filtered image.
+    tree : PixelTree, or None
+        Its minimum spanning tree, where asked for.
+
+    """
+
+    labels: LabelMap
+    count: int
+    lists: PixelLists
+    borders: Borders
+    weights: NDArray[np.uint8]
+    tree: PixelTree | None
+
+
+def describe_image(image: Image, params: SegmentationParams, with_tree: bool) -> ImageStructure:
+    """Segment an image and gather what lies between its segments and its pixels."""
+    labels, count = segment_image(image, params)
+    weights = edge_weights(cv2.medianBlur(image, 3))
+    return ImageStructure(
+        labels, count, group_pixels(labels, count), find_borders(labels, count, image), weights,
+        minimum_tree(weights) if with_tree else None)
 
 
 def group_pixels(labels: LabelMap, count: int) -> PixelLists:

@@ -90,6 +90,12 @@ def restore_rows(values: FloatMap, segments: PlaneSegmentation, binned: Image, i
         labels, _planes_of_rows(segments.planes, rows), segments.is_fitted, segments.inlier_ratio)
 
 
+def keep_agreeing(restored: FloatMap, preliminary: FloatMap) -> FloatMap:
+    """Take back what an external map had at full size wherever the restored map agrees."""
+    agrees = np.abs(restored - preliminary) <= _SAME_SURFACE
+    return np.where(agrees, preliminary, restored)
+
+
 def _bin_image(image: Image, rows: int) -> Image:
     padded = cv2.copyMakeBorder(image, 0, -len(image) % rows, 0, 0, cv2.BORDER_REPLICATE)
     size = (padded.shape[1], padded.shape[0] // rows)
