@@ -45,11 +45,11 @@ def left_behind(files: set[tuple[str, int]], grace_s: float = 3.0) -> list[str]:
         time.sleep(0.3)
 
 
-def _inode(path: str) -> int | None:
+def _inode(path: str | Path) -> int:
     try:
         return os.stat(path).st_ino
     except FileNotFoundError:
-        return None
+        return -1
 
 
 def _is_mapped(path: str) -> bool:
@@ -76,6 +76,7 @@ class NodeRun:
     def __init__(self, *ros_args: str) -> None:
         """Start the process; it is not ready yet."""
         self._log = tempfile.NamedTemporaryFile('w+', suffix='.log')
+        self._before = {(str(path), _inode(path)) for path in Path(SHARED_MEMORY).iterdir()}
         command = [sys.executable, '-u', '-m', 'stereo_refine_ros.refine_node']
         self.process = subprocess.Popen(
             [*command, '--ros-args', *ros_args] if ros_args else command,
@@ -105,11 +106,15 @@ class NodeRun:
             time.sleep(0.001)
 
     def shared_memory(self) -> set[tuple[str, int]]:
-        """Return path and inode of the files under /dev/shm that the process has mapped."""
+        """
+        Return path and inode of the files under /dev/shm that came with the process.
+
+        Older ones that it maps are ports of others; a participant that was killed leaves them.
+        """
         maps = Path(f'/proc/{self.process.pid}/maps').read_text()
         fields = [line.split() for line in maps.splitlines()
                   if SHARED_MEMORY in line and not line.endswith('(deleted)')]
-        return {(field[5], int(field[4])) for field in fields}
+        return {(field[5], int(field[4])) for field in fields} - self._before
 
     def end(self, *signals: int, gap_s: float = 0.0, timeout_s: float = 10.0) -> float:
         """Send signals; return the seconds until the process was gone (it is killed at last)."""
