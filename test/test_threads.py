@@ -33,7 +33,28 @@ def test_bands_cover_the_range_once(size, threads):
 
     run_bands(count, size, threads, 3)
     assert counts.tolist() == [3] * size
-    assert len(bands) == max(1, min(threads, size))
+    assert (len(bands) == 1) == (threads == 1 or size < 2)
+
+
+def test_bands_are_done_without_a_free_helper():
+    """The only helper waits for the bands themselves."""
+    done = threading.Event()
+    helper = start(2, done.wait, 20)
+    rows = []
+    run_bands(lambda begin, end: rows.extend(range(begin, end)), 10, 2)
+    done.set()
+    assert helper.result()
+    assert sorted(rows) == list(range(10))
+
+
+def test_bands_may_be_started_from_a_band():
+    rows = []
+
+    def inner(begin, end):
+        rows.extend(range(begin, end))
+
+    run_bands(lambda begin, end: [run_bands(inner, 6, 2) for _ in range(begin, end)], 4, 2)
+    assert sorted(rows) == sorted(4 * list(range(6)))
 
 
 def test_the_bands_run_side_by_side():

@@ -74,7 +74,7 @@ def test_small_images_give_a_map_of_their_size(method, shape, low):
 def test_a_missing_right_image_and_unknown_matchers_are_refused():
     image = np.zeros((4, 4), np.uint8)
     with pytest.raises(ValueError, match='matching.method sgbm: needs the right image'):
-        compute_match(StereoPair(image, None), MatchingParams())
+        compute_match(StereoPair(image, None), MatchingParams(method='sgbm'))
     names = ', '.join(MATCHERS)
     with pytest.raises(ValueError, match=f"'magic' is none of {names}"):
         compute_match(StereoPair(image, image), MatchingParams(method='magic'))
