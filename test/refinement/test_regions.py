@@ -14,12 +14,15 @@
 
 """Pixel lists and borders against dictionaries."""
 
+import cv2
 import numpy as np
 import plane_reference
 import pytest
 
+from stereo_refine_ros.matching.pixel_graph import edge_weights
+from stereo_refine_ros.matching.tree_aggregation import minimum_tree
 from stereo_refine_ros.params import SegmentationParams
-from stereo_refine_ros.refinement.regions import find_borders, group_pixels
+from stereo_refine_ros.refinement.regions import describe_image, find_borders, group_pixels
 from stereo_refine_ros.refinement.segmentation import segment_image
 
 
@@ -68,6 +71,24 @@ def test_one_segment_has_no_border():
     assert found.pairs.shape == (0, 2)
     assert found.length.shape == found.contrast.shape == found.color_distance.shape == (0,)
     assert found.middle.shape == (0, 2)
+
+
+@pytest.mark.parametrize('with_tree', [False, True])
+def test_the_structure_of_an_image_is_that_of_its_parts(with_tree):
+    image, _, _ = segmented((12, 14, 3), seed=4)
+    params = SegmentationParams(30.0, 0.0, 3)
+    structure = describe_image(image, params, with_tree)
+    labels, count = segment_image(image, params)
+    assert structure.count == count
+    np.testing.assert_array_equal(structure.labels, labels)
+    np.testing.assert_array_equal(structure.lists.pixels, group_pixels(labels, count).pixels)
+    np.testing.assert_array_equal(
+        structure.borders.pairs, find_borders(labels, count, image).pairs)
+    weights = edge_weights(cv2.medianBlur(image, 3))
+    np.testing.assert_array_equal(structure.weights, weights)
+    assert (structure.tree is not None) == with_tree
+    if with_tree:
+        np.testing.assert_array_equal(structure.tree.parent, minimum_tree(weights).parent)
 
 
 @pytest.mark.compiled

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from stereo_refine_ros.refinement.row_binning import (
-    bin_disparities, bin_rows, repeat_rows, restore_rows, rows_per_bin)
+    bin_disparities, bin_rows, keep_agreeing, repeat_rows, restore_rows, rows_per_bin)
 from stereo_refine_ros.types import PlaneSegmentation, StereoPair
 
 
@@ -70,6 +70,13 @@ def test_disparities_are_picked_and_not_averaged():
     np.testing.assert_array_equal(
         bin_disparities(values, 3), np.array([[2, 5, 7], [3, 6, 8]], np.float32))
     assert np.isnan(values[0, 1])
+
+
+def test_an_external_map_keeps_its_rows_where_the_restored_map_agrees():
+    restored = np.array([[5.0, 5.0, 5.0, np.nan, 7.0]], np.float32)
+    preliminary = np.array([[5.9, 6.5, np.nan, 3.0, 7.0]], np.float32)
+    np.testing.assert_array_equal(
+        keep_agreeing(restored, preliminary), np.array([[5.9, 5, 5, np.nan, 7]], np.float32))
 
 
 def test_repeated_rows_end_with_the_image():
