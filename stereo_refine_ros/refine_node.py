@@ -43,11 +43,22 @@ class Stop:
         signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
         self.requested = threading.Event()
         self.executor: Any = None
+        self._lock = threading.Lock()
+        self._has_opened = False
         threading.Thread(target=self._wait, name='signals', daemon=True).start()
+
+    def may_open(self) -> bool:
+        """Whether to go on to what has to be closed again; before, a signal ends at once."""
+        with self._lock:
+            self._has_opened = not self.requested.is_set()
+            return self._has_opened
 
     def _wait(self) -> None:
         signal.sigwait(_SIGNALS)
-        self.requested.set()
+        with self._lock:
+            self.requested.set()
+            if not self._has_opened:
+                os._exit(0)  # imports may take seconds on a busy machine
         if self.executor is not None:
             self.executor.create_task(lambda: None)  # `wake` alone leaves spin_once waiting
         time.sleep(_LAST_RESORT_S)
@@ -62,7 +73,7 @@ def main(args: list[str] | None = None) -> int:
     from rclpy.signals import SignalHandlerOptions
 
     from stereo_refine_ros.node.refine_node import RefineNode
-    if stop.requested.is_set():
+    if not stop.may_open():
         return 0
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
