@@ -25,7 +25,7 @@ KERNEL_TESTS := $(wildcard test/matching test/refinement test/quality)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help demo test test-oldest coverage lint bench bench-live tables lock clean
+.PHONY: help demo test test-oldest coverage lint bench bench-live soak fuzz tables lock clean
 
 help:
 	@echo 'make demo        live node, replayed stereo pair, pictures in demo_output/'
@@ -35,6 +35,8 @@ help:
 	@echo 'make lint        ruff, import order, mypy'
 	@echo 'make bench       speed and error beside OpenCV, docs/speed.svg'
 	@echo 'make bench-live  camera and node over DDS: rate, latency, drops, memory'
+	@echo 'make soak        camera and node over DDS with faults, SOAK_SECONDS=1800; every pair accounted for'
+	@echo 'make fuzz        malformed messages through the conversions and a node'
 	@echo 'make tables      parameter table of README.md and config/live.yaml'
 	@echo 'make lock        requirements/*.txt from *.in (needs uv)'
 	@echo 'make clean       remove what make made'
@@ -69,6 +71,13 @@ bench: $(TEST_STAMP) $(CONTRIB_VENV)/.installed
 
 bench-live: $(TEST_STAMP)
 	$(BIN)/python benchmarks/live.py
+
+SOAK_SECONDS ?= 1800
+soak: $(TEST_STAMP)
+	$(BIN)/python benchmarks/soak.py --seconds $(SOAK_SECONDS)
+
+fuzz: $(TEST_STAMP)
+	$(BIN)/python benchmarks/fuzz.py
 
 tables: $(RUN_STAMP)
 	$(BIN)/python scripts/parameter_table.py --write

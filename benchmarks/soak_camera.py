@@ -65,7 +65,7 @@ class FaultyCamera(Node):
         """Wait until every topic has its subscriber, and until that is known on both sides."""
         while not all(item.get_subscription_count() for item in self._publishers.values()):
             rclpy.spin_once(self, timeout_sec=0.1)
-        time.sleep(1.0)
+        time.sleep(3.0)  # a writer knows its reader before the reader knows it
 
     def step(self, fault_rate: float) -> None:
         """Publish one set, good or not."""

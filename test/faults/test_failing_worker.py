@@ -18,7 +18,7 @@ from collections import Counter
 import threading
 
 from diagnostic_msgs.msg import DiagnosticArray
-from harness import Client, floats, reliable_inputs, stereo_messages, stamp_of, textured_pair
+from harness import Client, floats, reliable_inputs, stamp_of, stereo_messages, textured_pair
 import numpy as np
 import pytest
 import rclpy
