@@ -14,6 +14,8 @@
 
 """The whole method: repeatable, read-only, better than what it started from, never off limits."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -71,6 +73,13 @@ def assert_sound(result, shape, first, count):
     assert all(ms >= 0 for ms in result.stage_ms.values())
 
 
+def disparities_of(segments):
+    """Evaluate the planes at every pixel; mark the pixels of fitted segments."""
+    y, x = np.indices(segments.labels.shape)
+    a, b, c = segments.planes[segments.labels].transpose(2, 0, 1)
+    return a * x + b * y + c, segments.is_fitted[segments.labels]
+
+
 def bad_ratio(values, truth, limit=1.0):
     return 1 - np.mean(np.abs(values - truth) <= limit)
 
@@ -84,6 +93,15 @@ def test_the_same_input_gives_the_same_bits(scene, preset):
     refiner = StereoRefiner(load_preset(preset, {'matching.num_disparities': RANGE}))
     refiner.process(*(np.ascontiguousarray(view[::-1]) for view in views(scene)))
     assert_same(refiner.process(*views(scene)), first)
+
+
+def test_refiners_beside_each_other_do_not_meet(scene):
+    expected = {preset: refine(views(scene), preset) for preset in PRESETS}
+    with ThreadPoolExecutor(4) as pool:
+        tasks = [(preset, pool.submit(refine, views(scene), preset, processing__threads=threads))
+                 for preset in PRESETS for threads in (1, 2, 3) for _ in range(2)]
+        for preset, task in tasks:
+            assert_same(task.result(timeout=60), expected[preset])
 
 
 @pytest.mark.parametrize('preset', PRESETS)
@@ -214,11 +232,8 @@ def test_without_projection_and_filter_nothing_changes(scene):
 
 def test_full_projection_puts_every_pixel_of_a_fitted_segment_on_its_plane(scene):
     result = refine(views(scene), planes__projection='full', filter__method='none')
-    segments = result.segments
-    y, x = np.indices(segments.labels.shape)
-    a, b, c = segments.planes[segments.labels].transpose(2, 0, 1)
-    on_plane = segments.is_fitted[segments.labels]
-    expected = np.clip(a * x + b * y + c, 0, RANGE - 1).astype(np.float32)
+    expected, on_plane = disparities_of(result.segments)
+    expected = np.clip(expected, 0, RANGE - 1).astype(np.float32)
     np.testing.assert_array_equal(result.disparity.values[on_plane], expected[on_plane])
     np.testing.assert_array_equal(
         result.disparity.values[~on_plane], result.preliminary.values[~on_plane])
@@ -229,12 +244,9 @@ def test_planes_of_averaged_rows_are_in_pixels_of_the_image(scene, rows):
     result = refine(views(scene), processing__max_rows=-(-120 // rows))
     assert_sound(result, (120, 160), 0, RANGE)
     assert bad_ratio(result.disparity.values, scene.truth) < 0.06
-    segments = result.segments
-    y, x = np.indices(segments.labels.shape)
-    a, b, c = segments.planes[segments.labels].transpose(2, 0, 1)
-    on_plane = segments.is_fitted[segments.labels]
+    disparities, on_plane = disparities_of(result.segments)
     assert on_plane.mean() > 0.8
-    error = np.abs(a * x + b * y + c - scene.truth)[on_plane]
+    error = np.abs(disparities - scene.truth)[on_plane]
     assert np.median(error) < 0.2
     assert np.mean(error > 1.0) < 0.06
 
@@ -280,13 +292,10 @@ def test_every_matcher_and_projection_survives_edge_cases(method, name, projecti
     assert_sound(result, pair[0].shape[:2], 0, RANGE)
 
 
-def test_a_pair_without_right_view_and_without_map_is_refused(scene):
+def test_pairs_that_are_none_are_refused(scene):
     with pytest.raises(ValueError, match='needs the right image'):
         refine((scene.pair.left, None))
     with pytest.raises(ValueError, match='external'):
         refine(views(scene), matching__method='external')
-
-
-def test_views_of_different_size_are_refused(scene):
     with pytest.raises(ValueError, match='differ in shape'):
         refine((scene.pair.left, scene.pair.right[:-1]))

@@ -35,6 +35,12 @@ def wrapping_allowed():
         yield
 
 
+def select(planes, *args):
+    """Select among planes that are believed everywhere."""
+    bounds = np.tile([-1000.0, 1000.0], (len(planes), 1))
+    return select_planes(np.hstack([planes, bounds]), *args)[:, :3]
+
+
 def problem(seed, min_disparity=0):
     """Return labels, borders, evidence and matched pixels of 4 x 5 blocks of 6 x 6 pixels."""
     rng = np.random.default_rng(seed)
@@ -56,7 +62,7 @@ def test_selection_is_that_of_the_slow_version(seed, min_disparity):
     planes = np.column_stack([rng.normal(0, 0.02, (20, 2)), rng.uniform(-8, 12, 20)])
     planes[rng.permutation(20)[:8]] = [0.0, 0.0, 3.0]
     planes[rng.permutation(20)[:4]] = np.nan
-    chosen = select_planes(planes, group_pixels(labels, 20), borders, evidence, matched)
+    chosen = select(planes, group_pixels(labels, 20), borders, evidence, matched)
     expected = plane_reference.select(
         planes, labels, borders.pairs, borders.length, borders.color_distance, borders.middle,
         evidence, matched, plane_selection._PASSES)
@@ -69,14 +75,14 @@ def test_a_wrong_plane_gives_way_to_the_right_one_of_the_neighbours():
     planes = np.tile([0.0, 0.0, 3.0], (20, 1))
     planes[7], planes[12] = [0.0, 0.0, 6.0], np.nan
     before = planes.copy()
-    chosen = select_planes(planes, group_pixels(labels, 20), borders, evidence, matched)
+    chosen = select(planes, group_pixels(labels, 20), borders, evidence, matched)
     assert np.all(chosen == [0.0, 0.0, 3.0])
     np.testing.assert_array_equal(planes, before)
 
 
 def test_without_any_plane_there_is_none_to_choose():
     labels, borders, evidence, matched = problem(0)
-    chosen = select_planes(
+    chosen = select(
         np.full((20, 3), np.nan), group_pixels(labels, 20), borders, evidence, matched)
     assert np.isnan(chosen).all()
 
@@ -86,5 +92,5 @@ def test_one_segment_keeps_its_plane():
     labels = np.zeros(matched.shape, np.int32)
     borders = find_borders(labels, 1, np.zeros(labels.shape, np.uint8))
     plane = np.array([[0.1, 0.0, 2.0]])
-    chosen = select_planes(plane, group_pixels(labels, 1), borders, evidence, matched)
+    chosen = select(plane, group_pixels(labels, 1), borders, evidence, matched)
     np.testing.assert_array_equal(chosen, plane)

@@ -61,7 +61,7 @@ def make_borders(pairs, distance, length=1.0):
 
 def make_fits(data_count, inlier_ratio):
     count = len(data_count)
-    planes = np.arange(3.0 * count).reshape(count, 3)
+    planes = np.arange(5.0 * count).reshape(count, 5)
     return PlaneFits(planes, np.array(inlier_ratio, np.float32), np.array(data_count, np.int32),
                      np.zeros((count, 10)))
 
@@ -76,15 +76,16 @@ def test_merging_by_moments_is_a_refit_of_the_united_points(seed):
     for label in range(count):
         y, x = np.nonzero((labels == label) & np.isfinite(data))
         rows = np.column_stack([x, y, data[y, x]]).astype(float)
-        near = np.abs(plane_reference.residuals(rows, fits.planes[label]))
+        near = np.abs(plane_reference.residuals(rows, fits.planes[label, :3]))
         points.append(rows[near <= PARAMS.inlier_threshold])
     trusted = [ratio >= PARAMS.min_inlier_ratio and len(rows) >= MIN_DATA
                for ratio, rows in zip(fits.inlier_ratio, points, strict=True)]
     assert not trusted[3] and not trusted[7] and not trusted[11]
     order = np.argsort(borders.color_distance, kind='stable')
     expected = plane_reference.merge(
-        points, fits.planes, trusted, borders.pairs[order].tolist(), plane_sharing._MERGE_RISE)
-    np.testing.assert_allclose(merged, expected, rtol=1e-6, atol=1e-6)
+        points, fits.planes[:, :3], trusted, borders.pairs[order].tolist(),
+        plane_sharing._MERGE_RISE)
+    np.testing.assert_allclose(merged[:, :3], expected, rtol=1e-6, atol=1e-6)
     distinct = len(np.unique(merged[np.isfinite(merged[:, 0])], axis=0))
     assert distinct < np.isfinite(merged[:, 0]).sum()
 
@@ -104,7 +105,7 @@ def test_neighbours_of_different_depth_stay_apart():
     data = np.where(labels == 0, 5.0, 8.0).astype(np.float32)
     fits = fit_planes(group_pixels(labels, 2), data, PARAMS)
     merged = merge_coplanar(fits, make_borders([(0, 1)], [0.0]), PARAMS)
-    np.testing.assert_allclose(merged, [[0, 0, 5], [0, 0, 8]], atol=1e-9)
+    np.testing.assert_allclose(merged[:, :3], [[0, 0, 5], [0, 0, 8]], atol=1e-9)
 
 
 @pytest.mark.parametrize('seed', range(5))

@@ -39,7 +39,7 @@ def strips(height, widths):
 
 def render(labels, planes):
     y, x = np.indices(labels.shape)
-    a, b, c = np.asarray(planes)[labels].transpose(2, 0, 1)
+    a, b, c = np.asarray(planes)[labels, :3].transpose(2, 0, 1)
     return (a * x + b * y + c).astype(np.float32)
 
 
@@ -67,7 +67,7 @@ def test_fronto_parallel_planes_are_recovered_exactly():
     labels = strips(12, [8, 5, 11])
     planes = [[0, 0, 5.5], [0, 0, 31.25], [0, 0, -3.0]]
     fits = fit(labels, render(labels, planes))
-    np.testing.assert_allclose(fits.planes, planes, atol=1e-12)
+    np.testing.assert_allclose(fits.planes[:, :3], planes, atol=1e-12)
     assert fits.inlier_ratio.tolist() == [1.0, 1.0, 1.0]
     assert fits.data_count.tolist() == [96, 60, 132]
 
@@ -81,7 +81,7 @@ def test_slanted_planes_without_noise_are_recovered_up_to_the_ridge(slope):
     for label in range(2):
         points = points_of(labels, truth, label)
         np.testing.assert_allclose(
-            fits.planes[label], plane_reference.ridge_plane(points), rtol=1e-6, atol=1e-6)
+            fits.planes[label, :3], plane_reference.ridge_plane(points), rtol=1e-6, atol=1e-6)
     # The ridge takes 30 / (n var x) of a slope, here less than half a per cent.
     np.testing.assert_allclose(fits.planes[0, :2], slope, atol=0.01)
     assert np.abs(render(labels, fits.planes) - truth).max() < 0.06
@@ -102,11 +102,11 @@ def test_the_plane_is_the_least_squares_plane_of_its_inliers(seed):
     for label in range(3):
         points = points_of(labels, data, label)
         inliers = points[
-            np.abs(plane_reference.residuals(points, fits.planes[label])) <= THRESHOLD]
+            np.abs(plane_reference.residuals(points, fits.planes[label, :3])) <= THRESHOLD]
         assert fits.data_count[label] == len(points)
         assert fits.inlier_ratio[label] == np.float32(len(inliers) / len(points))
         np.testing.assert_allclose(
-            fits.planes[label], plane_reference.ridge_plane(inliers), rtol=1e-6, atol=1e-6)
+            fits.planes[label, :3], plane_reference.ridge_plane(inliers), rtol=1e-6, atol=1e-6)
         x, y, d = inliers.T
         sums = [np.ones_like(x), x, y, d, x * x, x * y, y * y, x * d, y * d, d * d]
         np.testing.assert_allclose(fits.moments[label], np.sum(sums, axis=1), rtol=1e-9)
@@ -138,7 +138,7 @@ def test_a_segment_of_less_than_three_data_has_no_plane():
     data[0, :2] = 7.0
     fits = fit(labels, data)
     assert np.isnan(fits.planes[0]).all()
-    assert fits.planes[1].tolist() == [0.0, 0.0, 5.0]
+    assert fits.planes[1, :3].tolist() == [0.0, 0.0, 5.0]
     assert fits.inlier_ratio.tolist() == [0.0, 1.0]
     assert fits.data_count.tolist() == [2, 12]
     assert not fits.moments[0].any()
@@ -183,4 +183,4 @@ def test_a_rectangle_is_not_judged_by_one_of_its_columns(shape, slope):
 def test_one_iteration_is_enough_for_a_flat_segment():
     labels = np.zeros((4, 5), np.int32)
     fits = fit(labels, np.full(labels.shape, 9.0, np.float32), iterations=1)
-    assert fits.planes.tolist() == [[0.0, 0.0, 9.0]]
+    assert fits.planes[:, :3].tolist() == [[0.0, 0.0, 9.0]]

@@ -48,7 +48,8 @@ def test_every_pixel_takes_the_plane_of_its_segment_within_the_range():
     rng = np.random.default_rng(0)
     labels = rng.integers(0, 4, (7, 8), dtype=np.int32)
     planes = np.array([[0.5, 0.25, 1.0], [-2.0, 1.0, 3.0], [np.nan] * 3, [0.0, 0.0, 40.0]])
-    values = plane_disparities(labels, planes, -1.0, 9.0)
+    bounds = np.tile([-1000.0, 1000.0], (4, 1))
+    values = plane_disparities(labels, np.hstack([planes, bounds]), -1.0, 9.0)
     assert values.dtype == np.float32
     for (y, x), label in np.ndenumerate(labels):
         expected = planes[label] @ [x, y, 1.0]
