@@ -15,3 +15,7 @@
 """Segmentation-guided disparity refinement with RANSAC planes, live and offline."""
 
 __version__ = '0.1.0'
+
+from stereo_refine_ros.kernel_cache import use_versioned_cache
+
+use_versioned_cache()

@@ -23,7 +23,6 @@ from __future__ import annotations
 
 import atexit
 import os
-from pathlib import Path
 import signal
 import sys
 import threading
@@ -68,7 +67,6 @@ class Stop:
 def main(args: list[str] | None = None) -> int:
     """Run the node until a signal comes; return the exit code if it cannot start."""
     stop = Stop()
-    _use_writable_cache()
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
@@ -122,13 +120,6 @@ def _leave() -> None:
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0)
-
-
-def _use_writable_cache() -> None:
-    """Let numba cache its kernels in the user's cache where the package is not writable."""
-    if not os.access(Path(__file__).parent, os.W_OK):
-        cache = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')
-        os.environ.setdefault('NUMBA_CACHE_DIR', str(cache / 'stereo_refine_ros' / 'numba'))
 
 
 if __name__ == '__main__':

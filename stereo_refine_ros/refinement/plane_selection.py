@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.matching.robust_cost import COST_UNIT
+from stereo_refine_ros.refinement.planes import bounded_disparity
 from stereo_refine_ros.refinement.regions import Borders, PixelLists
 
 _PASSES = 3
@@ -64,7 +65,7 @@ def select_planes(planes: NDArray[np.float64], lists: PixelLists, borders: Borde
 
     Returns
     -------
-    float64 ndarray of shape (N, 3)
+    float64 ndarray of shape (N, 5)
 
     """
     count = planes.shape[0]
@@ -130,7 +131,7 @@ def _data_energy(plane, members, evidence, matched):
     tried = 0
     for i in range(0, members.shape[0], step):
         x, y = members[i] % width, members[i] // width
-        d = plane[0] * x + plane[1] * y + plane[2]
+        d = bounded_disparity(plane, x, y)
         energy += _pixel_cost(x, y, d, evidence, matched[y, x])
         tried += 1
     return energy / tried * members.shape[0]

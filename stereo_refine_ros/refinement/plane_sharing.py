@@ -42,7 +42,8 @@ def merge_coplanar(fits: PlaneFits, borders: Borders, params: PlaneParams) -> ND
 
     Returns
     -------
-    float64 ndarray of shape (N, 3)
+    float64 ndarray of shape (N, 5)
+        As in `PlaneFits`; a joint plane has the range of all its parts.
 
     """
     count = fits.planes.shape[0]
@@ -61,7 +62,7 @@ def adopt_planes(planes: NDArray[np.float64], fits: PlaneFits, borders: Borders,
 
     Returns
     -------
-    planes : float64 ndarray of shape (N, 3), NaN where no neighbour had a plane to give
+    planes : float64 ndarray of shape (N, 5), NaN where no neighbour had a plane to give
     own : bool ndarray of shape (N,)
         True where the plane rests on the segment's own data.
 
@@ -87,7 +88,9 @@ def _merge_kernel(pairs, trusted, moments, planes, parent, size):
             continue
         root = union(parent, size, a, b)
         moments[root] = joint
+        low, high = min(planes[a, 3], planes[b, 3]), max(planes[a, 4], planes[b, 4])
         planes[root, 0], planes[root, 1], planes[root, 2] = plane
+        planes[root, 3], planes[root, 4] = low, high
     for label in range(parent.shape[0]):
         planes[label] = planes[find(parent, label)]
 

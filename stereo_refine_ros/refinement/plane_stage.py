@@ -64,7 +64,7 @@ def project_full(match: Match, structure: ImageStructure, params: PlaneParams,
     planes = np.where(is_fitted[:, None], fits.planes, np.nan)
     projected = plane_disparities(structure.labels, planes, *_range(match))
     values = np.where(np.isnan(projected), match.disparity.values, projected)
-    return PlaneSegmentation(structure.labels, planes, is_fitted, fits.inlier_ratio), values
+    return _segments(structure, planes, is_fitted, fits), values
 
 
 def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStructure,
@@ -100,7 +100,7 @@ def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStr
     if structure.tree is not None:
         current = np.where(np.abs(data - current) <= _SUBPIXEL_REACH, data, current)
     is_fitted = own & np.isfinite(planes[:, 0])
-    return PlaneSegmentation(structure.labels, planes, is_fitted, fits.inlier_ratio), current
+    return _segments(structure, planes, is_fitted, fits), current
 
 
 def _start(match: Match, tree: PixelTree | None, threads: int) -> FloatMap:
@@ -122,6 +122,12 @@ def _share(fits: PlaneFits, structure: ImageStructure, evidence: Evidence | None
     if evidence is not None:
         planes = select_planes(planes, structure.lists, structure.borders, evidence, matched)
     return planes, own
+
+
+def _segments(structure: ImageStructure, planes: NDArray[np.float64],
+              is_fitted: NDArray[np.bool_], fits: PlaneFits) -> PlaneSegmentation:
+    return PlaneSegmentation(
+        structure.labels, np.ascontiguousarray(planes[:, :3]), is_fitted, fits.inlier_ratio)
 
 
 def _range(match: Match) -> tuple[float, float]:

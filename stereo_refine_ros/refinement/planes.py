@@ -35,6 +35,8 @@ _SCORED = 200
 _FRONTO_PARALLEL = 5
 _MAX_SLOPE_X, _MAX_SLOPE_Y = 0.7, 1.5
 _REFITS = 3
+# How far beyond the disparities of its inliers a plane is believed, pixels.
+_EXTRAPOLATION = 3.0
 # Pulls the slope of small segments to zero; weighed against n times the variance of x and y.
 _RIDGE = 30.0
 
@@ -46,7 +48,8 @@ class PlaneFits:
 
     Attributes
     ----------
-    planes : float64 ndarray of shape (N, 3), NaN where nothing was fitted
+    planes : float64 ndarray of shape (N, 5), NaN where nothing was fitted
+        Columns a, b, c, and the least and the largest disparity among the inliers.
     inlier_ratio : float32 ndarray of shape (N,)
     data_count : int32 ndarray of shape (N,)
         Pixels of the segment with fit data.
@@ -79,7 +82,7 @@ def fit_planes(lists: PixelLists, data: FloatMap, params: PlaneParams,
 
     """
     count = lists.starts.size - 1
-    fits = PlaneFits(np.full((count, 3), np.nan), np.zeros(count, np.float32),
+    fits = PlaneFits(np.full((count, 5), np.nan), np.zeros(count, np.float32),
                      np.zeros(count, np.int32), np.zeros((count, 10)))
     run_bands(_fit_kernel, count, threads, lists.pixels, lists.starts, data, params.iterations,
               np.float32(params.inlier_threshold), params.seed,
@@ -113,6 +116,7 @@ def _fit_kernel(start, stop, pixels, starts, data, iterations, threshold, seed,
             plane = plane_of_moments(sums)
         sums = _inlier_moments(points, plane, threshold)
         planes[label, 0], planes[label, 1], planes[label, 2] = plane
+        planes[label, 3], planes[label, 4] = _inlier_range(points, plane, threshold)
         inlier_ratio[label] = sums[0] / found
         moments[label] = sums
 
@@ -210,6 +214,19 @@ def _inlier_moments(points, plane, threshold):
 
 
 @njit(cache=True, nogil=True)
+def _inlier_range(points, plane, threshold):
+    """Least and largest disparity within the threshold of a plane."""
+    a, b, c = plane
+    low, high = np.inf, -np.inf
+    for i in range(points.shape[0]):
+        x, y, d = np.float64(points[i, 0]), np.float64(points[i, 1]), np.float64(points[i, 2])
+        if abs(d - (a * x + b * y + c)) <= threshold:
+            low = min(low, d)
+            high = max(high, d)
+    return low, high
+
+
+@njit(cache=True, nogil=True)
 def plane_of_moments(sums):
     """Least-squares plane (a, b, c) of the points behind the sums, its slope held by a ridge."""
     n = sums[0]
@@ -234,3 +251,15 @@ def residual_variance(sums, plane):
              - 2 * a * sums[7] - 2 * b * sums[8] - 2 * c * sums[3]
              + 2 * a * b * sums[5] + 2 * a * c * sums[1] + 2 * b * c * sums[2])
     return max(total / n, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def bounded_disparity(plane, x, y):
+    """
+    Disparity of a plane (a, b, c, low, high) at a pixel, little beyond where it was seen.
+
+    A plane continues behind what hides it, but a slope that noise or a curved surface gave it
+    must not run away at the border of the view.
+    """
+    d = plane[0] * x + plane[1] * y + plane[2]
+    return min(max(d, plane[3] - _EXTRAPOLATION), plane[4] + _EXTRAPOLATION)

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from stereo_refine_ros.matching.evidence import Evidence, TOTAL_UNIT
 from stereo_refine_ros.matching.tree_aggregation import PixelTree
+from stereo_refine_ros.refinement.planes import bounded_disparity
 from stereo_refine_ros.refinement.support import spread_votes
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, LabelMap
@@ -94,8 +95,10 @@ def _plane_kernel(labels, planes, low, high, values):
     for y in range(height):
         for x in range(width):
             plane = planes[labels[y, x]]
-            d = plane[0] * x + plane[1] * y + plane[2]
-            values[y, x] = d if np.isnan(d) else min(max(d, low), high)
+            if np.isnan(plane[0]):
+                values[y, x] = np.nan
+            else:
+                values[y, x] = min(max(bounded_disparity(plane, x, y), low), high)
 
 
 @njit(cache=True, nogil=True)
