@@ -23,7 +23,8 @@ import pytest
 from sensor_msgs.msg import Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
 from stereo_refine_ros.node.conversions import fill_image
-from stereo_refine_ros.node.outputs import color_map, depth_map
+from stereo_refine_ros.node.outputs import color_map, depth_map, point_cloud
+from stereo_refine_ros.node.plane_markers import large_planes, plane_markers
 from stereo_refine_ros.quality.frame import measure_frame
 from stereo_refine_ros.types import DisparityMap, StereoPair
 from visualization_msgs.msg import MarkerArray
@@ -98,8 +99,14 @@ def test_every_output_is_made_from_the_cores_result(client, core):
     depth = floats(answers['depth'])
     np.testing.assert_array_equal(depth, depth_map(core.disparity, GEOMETRY))
     assert np.nanmedian(depth) == pytest.approx(200 * 0.1 / 3.5, rel=0.05)
-    cloud = np.frombuffer(answers['points'].data, np.float32).reshape(96, 160, 4)
-    np.testing.assert_array_equal(cloud[..., 2], depth)
+    cloud = point_cloud(header, depth, GEOMETRY, textured_pair()[0])
+    assert answers['points'] == cloud and np.isfinite(depth).any()
+    planes = plane_markers(header, large_planes(core.segments, GEOMETRY))
+    assert shapes(answers['planes']) == shapes(planes) and len(planes.markers) > 1
+
+
+def shapes(array):
+    return [(m.header, m.ns, m.id, m.type, m.action, m.points) for m in array.markers]
 
 
 def pixels(message, encoding, dtype):
