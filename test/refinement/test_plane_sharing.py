@@ -86,6 +86,9 @@ def test_merging_by_moments_is_a_refit_of_the_united_points(seed):
         points, fits.planes[:, :3], trusted, borders.pairs[order].tolist(),
         plane_sharing._MERGE_RISE)
     np.testing.assert_allclose(merged[:, :3], expected, rtol=1e-6, atol=1e-6)
+    for label in np.flatnonzero(np.isfinite(merged[:, 0])):
+        parts = fits.planes[(merged[:, :3] == merged[label, :3]).all(axis=1), 3:]
+        assert merged[label, 3:].tolist() == [parts[:, 0].min(), parts[:, 1].max()]
     distinct = len(np.unique(merged[np.isfinite(merged[:, 0])], axis=0))
     assert distinct < np.isfinite(merged[:, 0]).sum()
 

@@ -108,6 +108,7 @@ def test_the_plane_is_the_least_squares_plane_of_its_inliers(seed):
         np.testing.assert_allclose(
             fits.planes[label, :3], plane_reference.ridge_plane(inliers), rtol=1e-6, atol=1e-6)
         x, y, d = inliers.T
+        assert fits.planes[label, 3:].tolist() == [d.min(), d.max()]
         sums = [np.ones_like(x), x, y, d, x * x, x * y, y * y, x * d, y * d, d * d]
         np.testing.assert_allclose(fits.moments[label], np.sum(sums, axis=1), rtol=1e-9)
 
