@@ -73,9 +73,15 @@ def restore_rows(values: FloatMap, segments: PlaneSegmentation, binned: Image, i
     Parameters
     ----------
     values : float32 ndarray of shape (h, W)
+        The refined map, pixels.
     segments : PlaneSegmentation
         Of the binned image.
     binned, image : uint8 ndarray of shape (h, W[, 3]) and (H, W[, 3])
+        The left view, binned and as it came.
+    rows : int
+        Rows of the image in one of the map.
+    threads : int
+        At most.
 
     """
     if rows == 1:

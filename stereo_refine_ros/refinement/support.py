@@ -52,6 +52,7 @@ def sweep(values: FloatMap, weights: NDArray[np.uint8], sigma: float) -> FloatMa
     Parameters
     ----------
     values : float32 ndarray of shape (H, W)
+        What each pixel gives.
     weights : uint8 ndarray of shape (H, W, 2)
         Edge weights of the pixel graph, to the right and downward.
     sigma : float
