@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 CONTRIB_VENV := .venv-contrib
 OLDEST_VENV := .venv-oldest
-OLDEST_PYTHON ?= $(firstword $(foreach v,3.12 3.11 3.10,$(shell command -v python$(v) 2>/dev/null)) $(PYTHON))
+OLDEST_PYTHON ?= $(firstword $(foreach v,3.12 3.11 3.10,$(shell python$(v) -c 'import venv' 2>/dev/null && echo python$(v))) $(PYTHON))
 
 ROS := $(if $(ROS_DISTRO),$(shell $(PYTHON) -c 'import rclpy' 2>/dev/null && echo sourced))
 # ROS 2 from apt was compiled against the numpy beside it: stay on that numpy's side of 2.0.
@@ -25,7 +25,7 @@ KERNEL_TESTS := $(wildcard test/matching test/refinement test/quality)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help demo test test-oldest coverage lint bench bench-live soak fuzz tables lock clean
+.PHONY: help demo test test-oldest coverage lint bench bench-live bench-two-hosts soak fuzz tables lock clean
 
 help:
 	@echo 'make demo        live node, replayed stereo pair, pictures in demo_output/'
@@ -37,6 +37,7 @@ help:
 	@echo 'make bench-live  camera and node over DDS: rate, latency, drops, memory'
 	@echo 'make soak        camera and node over DDS with faults, SOAK_SECONDS=1800; every pair accounted for'
 	@echo 'make fuzz        malformed messages through the conversions and a node'
+	@echo 'make bench-two-hosts  camera and node in two network namespaces, clean and lossy (root)'
 	@echo 'make tables      parameter table of README.md and config/live.yaml'
 	@echo 'make lock        requirements/*.txt from *.in (needs uv)'
 	@echo 'make clean       remove what make made'
@@ -78,6 +79,9 @@ soak: $(TEST_STAMP)
 
 fuzz: $(TEST_STAMP)
 	$(BIN)/python benchmarks/fuzz.py
+
+bench-two-hosts: $(TEST_STAMP)
+	$(BIN)/python benchmarks/two_hosts.py
 
 tables: $(RUN_STAMP)
 	$(BIN)/python scripts/parameter_table.py --write

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from pathlib import Path
 import time
 
 from cases import load_case
@@ -49,13 +50,14 @@ class Camera(Node):
                 ('left/image_rect', image_message(case.left, options.encoding, header)),
                 ('right/image_rect', image_message(case.right, options.encoding, header)))]
 
-    def publish(self) -> None:
-        """Publish one pair, stamped now."""
+    def publish(self) -> int:
+        """Publish one pair, stamped now; return the stamp in nanoseconds."""
         stamp = self.get_clock().now().to_msg()
         for publisher, message in self._messages:
             assert isinstance(message, (CameraInfo, Image))
             message.header.stamp = stamp
             publisher.publish(message)
+        return stamp.sec * 1_000_000_000 + stamp.nanosec
 
 
 def main() -> None:
@@ -65,6 +67,7 @@ def main() -> None:
     parser.add_argument('--scene', default='Adirondack')
     parser.add_argument('--size', default='640x480x64', help='width x height x disparities')
     parser.add_argument('--encoding', default='bgr8', choices=('bgr8', 'mono8'))
+    parser.add_argument('--stamps', type=Path, help='write the stamp of each pair, in ns, here')
     options, ros_args = parser.parse_known_args()
     parent = os.getppid()
     rclpy.init(args=ros_args)
@@ -72,7 +75,10 @@ def main() -> None:
         camera = Camera(options)
         due = time.monotonic()
         while rclpy.ok() and os.getppid() == parent:
-            camera.publish()
+            stamp_ns = camera.publish()
+            if options.stamps:
+                with options.stamps.open('a', encoding='utf-8') as stream:
+                    stream.write(f'{stamp_ns}\n')
             due = max(due + 1.0 / options.rate, time.monotonic())
             time.sleep(max(0.0, due - time.monotonic()))
     except (KeyboardInterrupt, ExternalShutdownException):

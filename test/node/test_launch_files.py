@@ -71,3 +71,15 @@ def test_the_shared_memory_profile_holds_large_images():
     assert root.findtext('.//p:useBuiltinTransports', namespaces=space) == 'false'
     types = [item.text for item in root.iterfind('.//p:type', space)]
     assert types == ['SHM', 'UDPv4']
+
+
+def test_the_profile_of_two_hosts_sends_packets_that_fit_a_frame():
+    root = ElementTree.parse(ROOT / 'config' / 'fastdds_two_hosts.xml').getroot()
+    space = {'p': root.tag[1:].split('}')[0]}
+    udp, = (item for item in root.iterfind('.//p:transport_descriptor', space)
+            if item.findtext('p:type', namespaces=space) == 'UDPv4')
+    assert int(udp.findtext('p:maxMessageSize', namespaces=space)) <= 1500 - 28
+    shm, = (item for item in root.iterfind('.//p:transport_descriptor', space)
+            if item.findtext('p:type', namespaces=space) == 'SHM')
+    # Shared memory is fed packets of that size too: its queue has to hold a large image's.
+    assert int(shm.findtext('p:port_queue_capacity', namespaces=space)) * 1400 > 8e6
