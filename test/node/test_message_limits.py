@@ -68,7 +68,7 @@ def test_refusals_say_what_was_expected():
     assert refusal(check_disparity, 'd', message) == (
         'encoding', f"d: encoding '{'z' * 40}' is not 32FC1")
     message = DisparityImage(image=image(8, 2, '32FC1'))
-    assert refusal(check_disparity, 'd', message)[1].startswith('d: step 8')
+    assert refusal(read_disparity, 'd', message)[1].startswith('d: step 8')
 
 
 @pytest.mark.parametrize('side,name', [(0, 'left/camera_info'), (1, 'right/camera_info')])
