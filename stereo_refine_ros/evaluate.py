@@ -25,14 +25,16 @@ import sys
 from typing import Any
 
 from stereo_refine_ros.datasets import find_data, list_scenes, load_scene
+from stereo_refine_ros.evaluation.pictures import frame_sheet, write_picture
 from stereo_refine_ros.evaluation.plot import plot_svg
 from stereo_refine_ros.evaluation.progress import Progress
 from stereo_refine_ros.evaluation.report import Report
 from stereo_refine_ros.evaluation.runner import as_json, evaluate_scene, Plan, Row
 from stereo_refine_ros.evaluation.tables import check_claim, claim_text, text_table
 from stereo_refine_ros.evaluation.video import (
-    average, bag_frames, measure_video, sequence_frames, suggested_disparities, write_csv)
+    average, bag_frames, measure_video, sequence_frames, Show, suggested_disparities, write_csv)
 from stereo_refine_ros.params import FILTERS, MATCHERS, PRESETS, PROJECTIONS
+from stereo_refine_ros.types import RefinementResult, StereoPair
 import yaml
 
 
@@ -85,14 +87,14 @@ def evaluate_video(args: argparse.Namespace, plan: Plan) -> None:
     suggested = suggested_disparities(args.sequence) if args.sequence else None
     params = plan.params(plan.combinations()[0], suggested)
     frames = sequence_frames(args.sequence) if args.sequence else bag_frames(args.bag, params)
+    folder = args.output or Path('evaluate_output')
     rows = []
     with Progress() as progress:
-        for row in measure_video(frames, params):
+        for row in measure_video(frames, params, _drawing(args.pictures, folder)):
             rows.append(row)
             progress.step(f'{row["total_ms"]:.0f} ms')
     if not rows:
         raise ValueError(f'no stereo pair in {args.bag or args.sequence}')
-    folder = args.output or Path('evaluate_output')
     write_csv(folder / 'metrics.csv', rows)
     title = f'{(args.sequence or args.bag).name}: {plan.preset}, {plan.combinations()[0]}'
     (folder / 'metrics.svg').write_text(plot_svg(rows, title), encoding='utf-8')
@@ -100,6 +102,19 @@ def evaluate_video(args: argparse.Namespace, plan: Plan) -> None:
         if name != 'time':
             print(f'{name:<32}{value:10.4f}')
     print(f'{len(rows)} pairs; wrote {folder / "metrics.csv"} and {folder / "metrics.svg"}')
+
+
+def _drawing(every: int | None, folder: Path) -> Show | None:
+    """Return what draws every so many pairs into a folder; None for none."""
+    if every is None:
+        return None
+    step = every
+
+    def draw(number: int, pair: StereoPair, result: RefinementResult) -> None:
+        if number % step == 0:
+            folder.mkdir(parents=True, exist_ok=True)
+            write_picture(folder / f'{number:06d}.png', frame_sheet(pair.left, result))
+    return draw
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -123,6 +138,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the rows there')
     parser.add_argument('--output', type=Path, metavar='DIR',
                         help='write report.html there (metrics.csv, metrics.svg for a video)')
+    parser.add_argument('--pictures', type=_count, metavar='N',
+                        help='of a video, draw every Nth pair: view, planes, both disparities')
     video = parser.add_mutually_exclusive_group()
     video.add_argument('--bag', type=Path, metavar='PATH',
                        help='measure every pair of a rosbag2 over time instead')

@@ -17,12 +17,13 @@
 from __future__ import annotations
 
 import base64
+from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.types import FloatMap, Image, PlaneSegmentation
+from stereo_refine_ros.types import FloatMap, Image, PlaneSegmentation, RefinementResult
 
 ERROR_LIMIT = 4.0  # px, the end of the error colours
 
@@ -69,6 +70,31 @@ def draw_segments(left: Image, segments: PlaneSegmentation) -> Image:
     picture = (0.5 * base + 0.5 * tint[segments.labels]).astype(np.uint8)
     picture[_boundaries(group[segments.labels])] = 255
     return picture
+
+
+def frame_sheet(left: Image, result: RefinementResult) -> Image:
+    """Draw the left view and its planes above the preliminary and the refined disparity."""
+    searched = result.preliminary
+    low, high = searched.min_disparity, searched.min_disparity + searched.num_disparities
+    color = left if left.ndim == 3 else np.repeat(left[..., None], 3, axis=2)
+    return np.vstack([
+        np.hstack([color, draw_segments(left, result.segments)]),
+        np.hstack([color_disparity(values, low, high) for values in (
+            searched.values, result.disparity.values)])])
+
+
+def write_picture(path: Path, picture: Image) -> None:
+    """
+    Write a picture, as the ending of its name says.
+
+    Raises
+    ------
+    ValueError
+        When it cannot be written.
+
+    """
+    if not cv2.imwrite(str(path), picture):
+        raise ValueError(f'{path}: cannot be written')
 
 
 def data_uri(picture: Image) -> str:

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 import csv
 from dataclasses import dataclass
 import json
@@ -33,6 +33,7 @@ from stereo_refine_ros.quality.temporal import temporal_noise, unchanged_pixels
 from stereo_refine_ros.types import RefinementResult, StereoPair
 
 FrameRow = dict[str, float]
+Show = Callable[[int, StereoPair, RefinementResult], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +44,19 @@ class Frame:
     pair: StereoPair
 
 
-def measure_video(frames: Iterable[Frame], params: Params) -> Iterator[FrameRow]:
+def measure_video(frames: Iterable[Frame], params: Params,
+                  show: Show | None = None) -> Iterator[FrameRow]:
     """
     Refine every frame and measure it.
+
+    Parameters
+    ----------
+    frames : iterable of Frame
+        In order of time.
+    params : Params
+        For all of them.
+    show : callable of number, StereoPair and RefinementResult, optional
+        Given every frame, to draw it.
 
     Yields
     ------
@@ -58,8 +69,10 @@ def measure_video(frames: Iterable[Frame], params: Params) -> Iterator[FrameRow]
     """
     refiner = StereoRefiner(params)
     previous: tuple[StereoPair, RefinementResult] | None = None
-    for frame in frames:
+    for number, frame in enumerate(frames):
         result = refiner.process(frame.pair.left, frame.pair.right)
+        if show is not None:
+            show(number, frame.pair, result)
         row = {'time': frame.time, **measure_frame(result, frame.pair)}
         row.update(_flicker(previous, (frame.pair, result)))
         yield row

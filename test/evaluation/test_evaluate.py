@@ -138,13 +138,14 @@ def test_bag_to_csv_and_plot(tmp_path, capsys):
     views = [(scene.pair.left, scene.pair.right) for scene in scenes]
     write_messages(tmp_path / 'bag', 'sqlite3', pair_messages(views, scenes[0].geometry))
     code = main(['--bag', str(tmp_path / 'bag'), '-p', 'matching.num_disparities=16',
-                 '--output', str(tmp_path / 'out')])
+                 '--pictures', '2', '--output', str(tmp_path / 'out')])
     assert code == 0
     assert len((tmp_path / 'out' / 'metrics.csv').read_text().splitlines()) == 3
     assert (tmp_path / 'out' / 'metrics.svg').read_text().startswith('<svg')
     out = capsys.readouterr().out
     assert re.search(r'^valid_ratio_refined +[01]\.\d{4}$', out, re.MULTILINE)
     assert '2 pairs' in out
+    assert [path.name for path in (tmp_path / 'out').glob('*.png')] == ['000000.png']
 
 
 def test_missing_bag_is_one_line(tmp_path, capsys):

@@ -19,10 +19,12 @@ import re
 
 import cv2
 import numpy as np
+import pytest
 
 from stereo_refine_ros.evaluation.pictures import (
-    color_disparity, color_error, data_uri, disparity_gradient, draw_segments, error_gradient)
-from stereo_refine_ros.types import PlaneSegmentation
+    color_disparity, color_error, data_uri, disparity_gradient, draw_segments, error_gradient,
+    frame_sheet, write_picture)
+from stereo_refine_ros.types import DisparityMap, PlaneSegmentation, RefinementResult
 
 VIOLET, YELLOW = [84, 1, 68], [36, 231, 253]  # the ends of viridis, BGR
 
@@ -78,3 +80,21 @@ def test_colour_bars_start_and_end_like_the_colours():
     np.testing.assert_allclose(np.array(stops[0], int), VIOLET[::-1], atol=1)
     np.testing.assert_allclose(np.array(stops[-1], int), YELLOW[::-1], atol=1)
     assert error_gradient().startswith('rgb(247, 247, 245)')
+
+
+def test_sheet_of_a_frame(tmp_path):
+    left = np.full((4, 6), 90, np.uint8)
+    preliminary = np.full((4, 6), np.nan, np.float32)
+    refined = np.full((4, 6), 10, np.float32)
+    segments = PlaneSegmentation(np.zeros((4, 6), np.int32), np.array([[0.0, 0.0, 10.0]]),
+                                 np.array([True]), np.ones(1, np.float32))
+    sheet = frame_sheet(left, RefinementResult(
+        DisparityMap(refined, 2, 8), DisparityMap(preliminary, 2, 8), segments, 1.0, {}))
+    assert sheet.shape == (8, 12, 3)
+    assert (sheet[:4, :6] == 90).all() and (sheet[4:, :6] == 0).all()
+    np.testing.assert_array_equal(sheet[:4, 6:], draw_segments(left, segments))
+    np.testing.assert_allclose(sheet[4:, 6:], np.broadcast_to(YELLOW, (4, 6, 3)), atol=1)
+    write_picture(tmp_path / 'sheet.png', sheet)
+    np.testing.assert_array_equal(cv2.imread(str(tmp_path / 'sheet.png')), sheet)
+    with pytest.raises(ValueError, match='cannot be written'):
+        write_picture(tmp_path / 'nowhere' / 'sheet.png', sheet)
