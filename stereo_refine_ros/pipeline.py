@@ -88,7 +88,7 @@ class StereoRefiner:
             if preliminary is not None and rows > 1:
                 projected = keep_agreeing(projected, preliminary)
         with _timed(stage_ms, 'filter'):
-            refined = apply_filter(projected, left, self.params.filter, threads)
+            refined = self._filter(projected, left, segments)
         if preliminary is None:
             preliminary = repeat_rows(match.disparity.values, pair.shape[0], rows)
         return RefinementResult(
@@ -115,6 +115,12 @@ class StereoRefiner:
         if evidence is None and pair.right is not None:
             evidence = gather_evidence(pair, self.params.matching, threads)[0]
         return project_guarded(match, evidence, structure, planes, threads)
+
+    def _filter(self, values: FloatMap, left: Image, segments: PlaneSegmentation) -> FloatMap:
+        # A guarded map in which no plane found support stays as its matcher made it.
+        if self.params.planes.projection == 'guarded' and not segments.is_fitted.any():
+            return values
+        return apply_filter(values, left, self.params.filter, self.params.processing.threads)
 
     def _map(self, values: FloatMap) -> DisparityMap:
         matching = self.params.matching

@@ -40,7 +40,7 @@ _SMOOTHNESS = 4.0
 _COLOR_SCALE = 30.0
 _LARGEST_STEP = 2.0
 # Cost of an unmatched pixel that a plane would explain as occluded, or as out of view.
-_OCCLUDED, _OUT_OF_VIEW = 0.5, 0.8
+_OCCLUDED, _OUT_OF_VIEW = 0.65, 0.65
 # ... and of one that did find a consistent match: it cannot be invisible.
 _CONTRADICTED = 2.0
 

@@ -30,6 +30,7 @@ from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.tree_aggregation import PixelTree
 from stereo_refine_ros.params import PlaneParams
 from stereo_refine_ros.quality.filling import fill_from_background
+from stereo_refine_ros.refinement.consistency import left_right_check
 from stereo_refine_ros.refinement.plane_selection import select_planes
 from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar
 from stereo_refine_ros.refinement.planes import fit_planes, PlaneFits
@@ -42,6 +43,11 @@ from stereo_refine_ros.types import FloatMap, LabelMap, PlaneSegmentation
 _FIT_REACH = 2.0
 # A matched pixel whose whole-step disparity was kept gets its sub-pixel disparity back.
 _SUBPIXEL_REACH = 0.75
+# ... and farther than this from what the right view saw there are not its match.
+_CONFIRMED_REACH = 1.5
+# A map of which less than this share is confirmed belongs to other images, or another
+# calibration: its holes are filled, and nothing else is changed.
+_BELONGS = 0.3
 _ROUND_MEDIAN = 5
 _SPREAD_SIGMA, _SPREAD_LIMIT = 0.05, 4.0
 
@@ -83,6 +89,12 @@ def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStr
 
     """
     data = match.fit_data
+    if evidence is not None and match.evidence is None:
+        given = np.count_nonzero(np.isfinite(data))
+        data = _confirmed(data, evidence)
+        if np.count_nonzero(np.isfinite(data)) < _BELONGS * given:
+            return (unfitted(structure.labels, structure.count),
+                    fill_from_background(match.disparity.values))
     matched = np.isfinite(data)
     begin = current = _start(match, structure.tree, threads)
     for turn in range(params.rounds):
@@ -96,11 +108,19 @@ def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStr
         else:
             others = (begin,) if turn == 0 else (begin, current)
             current = choose_candidates(
-                proposed, others, evidence, structure.weights, structure.tree, threads)
+                proposed, others, match.disparity.valid, evidence, structure.weights,
+                structure.tree, threads)
     if structure.tree is not None:
         current = np.where(np.abs(data - current) <= _SUBPIXEL_REACH, data, current)
     is_fitted = own & np.isfinite(planes[:, 0])
     return _segments(structure, planes, is_fitted, fits), current
+
+
+def _confirmed(data: FloatMap, evidence: Evidence) -> FloatMap:
+    """Keep the disparities of a matcher that the right view of the evidence agrees with."""
+    right = np.where(evidence.right < 0, np.float32(np.nan),
+                     (evidence.right + evidence.min_disparity).astype(np.float32))
+    return np.where(left_right_check(data, right, _CONFIRMED_REACH), data, np.float32(np.nan))
 
 
 def _start(match: Match, tree: PixelTree | None, threads: int) -> FloatMap:

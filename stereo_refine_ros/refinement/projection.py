@@ -37,8 +37,9 @@ from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, LabelMap
 
 _LARGEST_COST = 2.0
-_OCCLUDED, _OUT_OF_VIEW = 0.1, 0.5
-# Where nothing can be seen, the plane is preferred to what filled the hole.
+# A disparity that the right view cannot show: hidden there, or beyond its border.
+_INVISIBLE = 0.1
+# Where nothing can be seen, the plane is preferred to what filled a hole.
 _BLIND_GUESS = 1.0
 # The right view sees something farther there: the candidate would have to be visible.
 _TRANSPARENT = 1.0
@@ -54,9 +55,9 @@ def plane_disparities(labels: LabelMap, planes: NDArray[np.float64], low: float,
     return values
 
 
-def choose_candidates(proposed: FloatMap, others: Sequence[FloatMap], evidence: Evidence,
-                      weights: NDArray[np.uint8], tree: PixelTree | None = None,
-                      threads: int = 1) -> FloatMap:
+def choose_candidates(proposed: FloatMap, others: Sequence[FloatMap], is_given: NDArray[np.bool_],
+                      evidence: Evidence, weights: NDArray[np.uint8],
+                      tree: PixelTree | None = None, threads: int = 1) -> FloatMap:
     """
     Choose between the planes' disparities and others, pixel by pixel.
 
@@ -66,6 +67,10 @@ def choose_candidates(proposed: FloatMap, others: Sequence[FloatMap], evidence: 
         The planes' disparities; NaN is never chosen.
     others : sequence of float32 ndarray of shape (H, W)
         Dense maps; where nothing tells them apart the first of them is kept.
+    is_given : bool ndarray of shape (H, W)
+        Pixels where `others` hold what a matcher said, not what filled a hole.
+    evidence : Evidence
+        Of the image pair.
     weights : uint8 ndarray of shape (H, W, 2)
         Edge weights of the image's pixel graph: who counts as a neighbour.
     tree : PixelTree, optional
@@ -82,7 +87,8 @@ def choose_candidates(proposed: FloatMap, others: Sequence[FloatMap], evidence: 
     chosen, advantage = proposed, np.zeros_like(proposed)
     for other in reversed(others):
         gain = np.empty_like(proposed)
-        run_bands(_gain_kernel, proposed.shape[0], threads, proposed, other, view, gain)
+        run_bands(_gain_kernel, proposed.shape[0], threads, proposed, other, is_given, view,
+                  gain)
         gain = spread_votes(gain, weights, tree)
         chosen = np.where(gain >= advantage, other, chosen)
         advantage = np.maximum(gain, advantage)
@@ -102,14 +108,15 @@ def _plane_kernel(labels, planes, low, high, values):
 
 
 @njit(cache=True, nogil=True)
-def _gain_kernel(start, stop, proposed, other, evidence, gain):
+def _gain_kernel(start, stop, proposed, other, is_given, evidence, gain):
     """What `other` costs less than `proposed`, rows start..stop; 0 where the two are one."""
     for y in range(start, stop):
         for x in range(proposed.shape[1]):
             gain[y, x] = 0
             if abs(proposed[y, x] - other[y, x]) >= _ALIKE:
+                blind_guess = 0.0 if is_given[y, x] else _BLIND_GUESS
                 gain[y, x] = (_candidate_cost(y, x, proposed[y, x], evidence, 0.0)
-                              - _candidate_cost(y, x, other[y, x], evidence, _BLIND_GUESS))
+                              - _candidate_cost(y, x, other[y, x], evidence, blind_guess))
 
 
 @njit(cache=True, nogil=True)
@@ -117,10 +124,10 @@ def _candidate_cost(y, x, d, evidence, blind_guess):
     total, least, right, min_disparity, depth, unit = evidence
     partner = int(np.floor(x - d + 0.5))
     if partner < 0 or partner >= right.shape[1]:
-        return _OUT_OF_VIEW + blind_guess
+        return _INVISIBLE + blind_guess
     seen = right[y, partner]
     if seen >= 0 and seen + min_disparity > d + 1:
-        return _OCCLUDED + blind_guess
+        return _INVISIBLE + blind_guess
     index = min(max(d - min_disparity, 0.0), depth - 1.0)
     low = int(index)
     rest = index - low
