@@ -20,6 +20,7 @@ import numpy as np
 
 from stereo_refine_ros.matching.evidence import TOTAL_UNIT
 from stereo_refine_ros.matching.robust_cost import COST_UNIT
+from stereo_refine_ros.refinement import plane_selection, projection
 
 STEPS = [(0, 1), (1, 0), (1, 1), (1, -1)]
 MAX_SLOPES = 0.7, 1.5
@@ -162,23 +163,28 @@ def projection_cost(evidence, values, blind_guess):
         d = float(values[y, x])
         partner = int(np.floor(x - d + 0.5)) if np.isfinite(d) else -1
         if not 0 <= partner < width:
-            costs[y, x] = 0.5 + blind_guess
+            costs[y, x] = projection._INVISIBLE + blind_guess[y, x]
             continue
         is_seen = evidence.right[y, partner] >= 0
         seen = int(evidence.right[y, partner]) + evidence.min_disparity
         if is_seen and seen > d + 1:
-            costs[y, x] = 0.1 + blind_guess
+            costs[y, x] = projection._INVISIBLE + blind_guess[y, x]
             continue
         index = min(max(d - evidence.min_disparity, 0), last)
         excess = sampled_cost(evidence.total, x, y, index, last) - evidence.least[y, x]
-        costs[y, x] = min(excess / TOTAL_UNIT, 2.0) + (is_seen and seen < d - 1)
+        costs[y, x] = min(excess / TOTAL_UNIT, projection._LARGEST_COST)
+        if is_seen and seen < d - 1:
+            costs[y, x] += projection._TRANSPARENT
     return costs
 
 
-def gain(evidence, proposed, other, alike):
+def gain(evidence, proposed, other, is_given):
     """Return what another map costs less than the proposed one, 0 where they are alike."""
-    lower = projection_cost(evidence, proposed, 0.0) - projection_cost(evidence, other, 1.0)
-    return np.where(np.abs(proposed - other) >= alike, lower, 0.0).astype(np.float32)
+    blind_guess = np.where(is_given, 0.0, projection._BLIND_GUESS)
+    lower = (projection_cost(evidence, proposed, np.zeros(other.shape))
+             - projection_cost(evidence, other, blind_guess))
+    is_other = np.abs(proposed - other) >= projection._ALIKE
+    return np.where(is_other, lower, 0.0).astype(np.float32)
 
 
 def selection_cost(evidence, x, y, d, is_matched):
@@ -186,14 +192,21 @@ def selection_cost(evidence, x, y, d, is_matched):
     width, last = evidence.cost.shape[1], evidence.num_disparities - 1
     partner = int(np.floor(x - d + 0.5))
     if not 0 <= partner < width:
-        return 2.0 if is_matched else 0.8
+        return (plane_selection._CONTRADICTED if is_matched
+                else plane_selection._OUT_OF_VIEW)
     seen = int(evidence.right[y, partner])
     if seen >= 0 and seen + evidence.min_disparity > d + 1 and not is_matched:
-        return 0.5
+        return plane_selection._OCCLUDED
     index = d - evidence.min_disparity
     if not 0 <= index <= last:
-        return 2.0
+        return plane_selection._CONTRADICTED
     return sampled_cost(evidence.cost, x, y, index, last) / COST_UNIT
+
+
+def weigh(length, distance):
+    """Return what a step of one pixel costs along a border."""
+    return (plane_selection._SMOOTHNESS * length
+            * np.exp(-distance / plane_selection._COLOR_SCALE))
 
 
 def select(planes, labels, pairs, lengths, distances, middles, evidence, matched, passes):
@@ -202,15 +215,16 @@ def select(planes, labels, pairs, lengths, distances, middles, evidence, matched
 
     def energy(label, plane):
         members = np.argwhere(labels == label)
+        tried = members[::max(1, len(members) // plane_selection._SAMPLES)].tolist()
         data = sum(selection_cost(evidence, x, y, plane @ [x, y, 1.0], matched[y, x])
-                   for y, x in members.tolist())
+                   for y, x in tried) / len(tried) * len(members)
         for pair, length, distance, middle in zip(
                 pairs, lengths, distances, middles, strict=True):
             if label in pair:
                 other = planes[pair.sum() - label]
                 if np.isfinite(other[0]):
                     step = abs((plane - other) @ [*middle, 1.0])
-                    data += 4.0 * length * np.exp(-distance / 30.0) * min(step, 2.0)
+                    data += weigh(length, distance) * min(step, plane_selection._LARGEST_STEP)
         return data
 
     for _ in range(passes):

@@ -182,7 +182,7 @@ def test_evidence_keeps_valid_pixels_that_the_images_confirm():
     values = np.full(SHAPE, 9.0, np.float32)
     values[:, 10:14] = 4.0
     segments, projected = project_guarded(
-        match_of(values), evidence, describe(image, labels), PlaneParams())
+        match_of(values, evidence=evidence), evidence, describe(image, labels), PlaneParams())
     np.testing.assert_array_equal(segments.planes[1], [0.0, 0.0, 9.0])
     assert np.all(projected[:, 10:14] == 4.0)
 

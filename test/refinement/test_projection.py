@@ -22,10 +22,13 @@ from stereo_refine_ros.matching.pixel_graph import edge_weights
 from stereo_refine_ros.matching.scanline import gather_evidence
 from stereo_refine_ros.matching.tree_aggregation import aggregate, minimum_tree
 from stereo_refine_ros.params import MatchingParams
-from stereo_refine_ros.refinement import projection, support
+from stereo_refine_ros.refinement import planes, support
 from stereo_refine_ros.refinement.projection import choose_candidates, plane_disparities
 from stereo_refine_ros.refinement.support import spread_votes, sweep
 from stereo_refine_ros.types import StereoPair
+
+# Nothing that a matcher said: all of it filled.
+FILLED = np.zeros((9, 14), np.bool_)
 
 
 @pytest.fixture(autouse=True)
@@ -47,16 +50,26 @@ def problem(seed, shape=(9, 14), min_disparity=0):
 def test_every_pixel_takes_the_plane_of_its_segment_within_the_range():
     rng = np.random.default_rng(0)
     labels = rng.integers(0, 4, (7, 8), dtype=np.int32)
-    planes = np.array([[0.5, 0.25, 1.0], [-2.0, 1.0, 3.0], [np.nan] * 3, [0.0, 0.0, 40.0]])
+    tilts = np.array([[0.5, 0.25, 1.0], [-2.0, 1.0, 3.0], [np.nan] * 3, [0.0, 0.0, 40.0]])
     bounds = np.tile([-1000.0, 1000.0], (4, 1))
-    values = plane_disparities(labels, np.hstack([planes, bounds]), -1.0, 9.0)
+    values = plane_disparities(labels, np.hstack([tilts, bounds]), -1.0, 9.0)
     assert values.dtype == np.float32
     for (y, x), label in np.ndenumerate(labels):
-        expected = planes[label] @ [x, y, 1.0]
+        expected = tilts[label] @ [x, y, 1.0]
         if label == 2:
             assert np.isnan(values[y, x])
         else:
             assert values[y, x] == np.float32(min(max(expected, -1.0), 9.0))
+
+
+def test_planes_end_a_little_beyond_where_they_were_seen():
+    labels = np.zeros((1, 30), np.int32)
+    plane = np.array([[0.5, 0.0, 2.0, 5.0, 9.0]])
+    values = plane_disparities(labels, plane, 0.0, 100.0)
+    reach = planes._EXTRAPOLATION
+    expected = np.clip(0.5 * np.arange(30) + 2, 5 - reach, 9 + reach)
+    np.testing.assert_allclose(values[0], expected, rtol=1e-6)
+    assert values.max() == 9 + reach < 0.5 * 29 + 2
 
 
 @pytest.mark.parametrize('along_tree', [False, True])
@@ -67,10 +80,11 @@ def test_the_candidate_with_the_most_votes_wins(seed, min_disparity, along_tree)
     maps = rng.uniform(min_disparity - 3, min_disparity + 9, (3, 9, 14)).astype(np.float32)
     maps[1, :4] = maps[2, :4] + np.float32(0.1)
     proposed = np.where(rng.random((9, 14)) < 0.2, np.float32(np.nan), maps[2])
-    chosen = choose_candidates(proposed, maps[:2], evidence, weights, tree)
+    is_given = rng.random((9, 14)) < 0.5
+    chosen = choose_candidates(proposed, maps[:2], is_given, evidence, weights, tree)
     filled = np.where(np.isnan(proposed), maps[0], proposed)
-    votes = [spread_votes(plane_reference.gain(evidence, filled, other, projection._ALIKE),
-                          weights, tree) for other in maps[:2]]
+    votes = [spread_votes(plane_reference.gain(evidence, filled, other, is_given), weights, tree)
+             for other in maps[:2]]
     winner = np.argmax([*votes, np.zeros((9, 14), np.float32)], axis=0)
     np.testing.assert_array_equal(chosen, np.choose(winner, [*maps[:2], filled]))
     assert {0, 1, 2} == set(winner.reshape(-1).tolist())
@@ -80,23 +94,27 @@ def test_where_nothing_tells_candidates_apart_the_first_is_kept():
     evidence, weights, _ = problem(0)
     begin = np.full((9, 14), 2.0, np.float32)
     other = begin + np.float32(0.1)
-    assert np.all(choose_candidates(other + 0.1, [begin, other], evidence, weights) == begin)
+    assert np.all(choose_candidates(
+        other + np.float32(0.1), [begin, other], FILLED, evidence, weights) == begin)
 
 
 def test_no_proposal_leaves_what_there_was():
     evidence, weights, rng = problem(1)
     begin = rng.uniform(0, 6, (9, 14)).astype(np.float32)
     holes = np.full((9, 14), np.nan, np.float32)
-    np.testing.assert_array_equal(choose_candidates(holes, [begin], evidence, weights), begin)
-    assert np.isnan(choose_candidates(holes, [holes], evidence, weights)).all()
+    kept = choose_candidates(holes, [begin], FILLED, evidence, weights)
+    np.testing.assert_array_equal(kept, begin)
+    assert np.isnan(choose_candidates(holes, [holes], FILLED, evidence, weights)).all()
 
 
 def test_a_candidate_that_the_images_confirm_beats_one_that_they_refute():
     evidence, weights, _ = problem(2)
     right, wrong = (np.full((9, 14), d, np.float32) for d in (2.0, 5.0))
     inner = (slice(None), slice(6, None))
-    assert np.all(choose_candidates(right, [wrong], evidence, weights)[inner] == 2.0)
-    assert np.all(choose_candidates(wrong, [right], evidence, weights)[inner] == 2.0)
+    for is_given in (FILLED, ~FILLED):
+        for proposed, other in ((right, wrong), (wrong, right)):
+            chosen = choose_candidates(proposed, [other], is_given, evidence, weights)
+            assert np.all(chosen[inner] == 2.0)
 
 
 @pytest.mark.compiled
@@ -105,8 +123,8 @@ def test_bands_do_not_change_the_choice(threads):
     evidence, weights, rng = problem(3)
     first, second = rng.uniform(0, 6, (2, 9, 14)).astype(np.float32)
     np.testing.assert_array_equal(
-        choose_candidates(second, [first], evidence, weights, threads=threads),
-        choose_candidates(second, [first], evidence, weights))
+        choose_candidates(second, [first], FILLED, evidence, weights, threads=threads),
+        choose_candidates(second, [first], FILLED, evidence, weights))
 
 
 @pytest.mark.parametrize('shape', [(6, 7), (1, 8), (8, 1), (1, 1)])
