@@ -86,7 +86,8 @@ def evaluate_video(args: argparse.Namespace, plan: Plan) -> None:
     """Run a bag or an image sequence through the core; write CSV and plot, print averages."""
     suggested = suggested_disparities(args.sequence) if args.sequence else None
     params = plan.params(plan.combinations()[0], suggested)
-    frames = sequence_frames(args.sequence) if args.sequence else bag_frames(args.bag, params)
+    frames = (sequence_frames(args.sequence) if args.sequence
+              else bag_frames(args.bag, params, args.topics))
     folder = args.output or Path('evaluate_output')
     rows = []
     with Progress() as progress:
@@ -138,6 +139,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the rows there')
     parser.add_argument('--output', type=Path, metavar='DIR',
                         help='write report.html there (metrics.csv, metrics.svg for a video)')
+    parser.add_argument('--topics', type=_names, default=(), metavar='LEFT,RIGHT',
+                        help='with --bag: image topics (default: .../left|right/image_rect)')
     parser.add_argument('--pictures', type=_count, metavar='N',
                         help='of a video, draw every Nth pair: view, planes, both disparities')
     video = parser.add_mutually_exclusive_group()

@@ -79,8 +79,22 @@ def measure_video(frames: Iterable[Frame], params: Params,
         previous = frame.pair, result
 
 
-def bag_frames(path: Path, params: Params) -> Iterator[Frame]:
-    """Yield the pairs of a bag, paired as the `sync` parameters say; needs `rosbags`."""
+def bag_frames(path: Path, params: Params, topics: Sequence[str] = ()) -> Iterator[Frame]:
+    """
+    Yield the pairs of a bag, paired as the `sync` parameters say; needs `rosbags`.
+
+    Parameters
+    ----------
+    path : Path
+        The bag.
+    params : Params
+        For `sync`.
+    topics : sequence of str
+        Of the left and the right images; what ends in `left|right/image_rect` by default.
+
+    """
+    if len(topics) not in (0, 2):
+        raise ValueError(f'bag: expected the topics of left and right, got {", ".join(topics)}')
     try:  # only bags need it
         from stereo_refine_ros.datasets.rosbag import iterate_pairs
     except ModuleNotFoundError as error:
@@ -88,7 +102,7 @@ def bag_frames(path: Path, params: Params) -> Iterator[Frame]:
 
     slop = params.sync.slop if params.sync.approximate else 0.0
     start: int | None = None
-    for item in iterate_pairs(path, slop_s=slop, queue_size=params.sync.queue_size):
+    for item in iterate_pairs(path, *topics, slop_s=slop, queue_size=params.sync.queue_size):
         start = item.stamp_ns if start is None else start
         yield Frame((item.stamp_ns - start) * 1e-9, item.pair)
 

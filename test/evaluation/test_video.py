@@ -91,6 +91,10 @@ def test_bag_gives_its_pairs_and_times(tmp_path, scenes):
     frames = list(bag_frames(tmp_path / 'bag', PARAMS))
     assert [frame.time for frame in frames] == pytest.approx([0, 0.1, 0.2])
     np.testing.assert_array_equal(frames[2].pair.right, scenes[2].pair.right)
+    swapped = next(bag_frames(tmp_path / 'bag', PARAMS, ('/right/image_rect', '/left/image_rect')))
+    np.testing.assert_array_equal(swapped.pair.left, scenes[0].pair.right)
+    with pytest.raises(ValueError, match='topics of left and right, got /alone'):
+        next(bag_frames(tmp_path / 'bag', PARAMS, ('/alone',)))
 
 
 def test_sequence_in_the_order_of_names(tmp_path, scenes):
