@@ -21,9 +21,11 @@ uses a constant of it, would be served from the cache with the other file's old 
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import os
 from pathlib import Path
+import shutil
 import sys
 import tempfile
 
@@ -37,8 +39,9 @@ def use_versioned_cache() -> None:
     path = os.path.join(home, 'stereo_refine_ros', name)
     try:
         os.makedirs(path, exist_ok=True)
-    except OSError:  # a service account without a home
-        path = os.path.join(tempfile.gettempdir(), f'stereo_refine_ros-{os.getuid()}', name)
+    except OSError:  # a service account without a home: a folder that nobody else can plant
+        path = tempfile.mkdtemp(prefix='stereo_refine_ros-')
+        atexit.register(shutil.rmtree, path, ignore_errors=True)
     os.environ['NUMBA_CACHE_DIR'] = path
     if 'numba' in sys.modules:
         sys.modules['numba'].config.CACHE_DIR = path

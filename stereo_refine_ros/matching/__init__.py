@@ -22,6 +22,7 @@ Every matcher is a function `match(pair, params, threads) -> Match`, chosen by n
 from __future__ import annotations
 
 from collections.abc import Callable
+import os
 
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.opencv_matchers import match_bm, match_sgbm
@@ -40,11 +41,36 @@ MATCHERS: dict[str, Matcher] = {
     'scanline': match_scanline,
 }
 
+_OPENCV = ('sgbm', 'bm')
+_BYTES_PER_CELL = 8  # of the cost volume, at the peak: 6.5 GB for 4096 x 3072 x 64
+
 
 def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
-    """Run the matcher that `params.method` names; raise ValueError listing the valid ones."""
+    """
+    Run the matcher that `params.method` names.
+
+    Raises
+    ------
+    ValueError
+        For an unknown method, without a right image, and where the cost volume would not fit
+        into this machine's memory: the system would end the process without a word.
+    """
     if pair.right is None:
         raise ValueError(f'matching.method {params.method}: needs the right image')
     if params.method not in MATCHERS:
         raise ValueError(f'matching.method: {params.method!r} is none of {", ".join(MATCHERS)}')
+    if params.method not in _OPENCV:
+        _check_memory(pair, params)
     return MATCHERS[params.method](pair, params, threads)
+
+
+def _check_memory(pair: StereoPair, params: MatchingParams) -> None:
+    height, width = pair.shape
+    pixels = height * width
+    needed = pixels * params.num_disparities * _BYTES_PER_CELL
+    memory = os.sysconf('SC_PHYS_PAGES') * os.sysconf('SC_PAGE_SIZE')
+    if needed > memory:
+        raise ValueError(
+            f'matching.method {params.method}: {width} x {height} with '
+            f'{params.num_disparities} disparities needs about {needed / 1e9:.0f} GB, there are '
+            f'{memory / 1e9:.0f}; use fewer disparities, smaller images or sgbm')

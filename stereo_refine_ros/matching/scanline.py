@@ -100,7 +100,7 @@ def _edges(pair: StereoPair, axis: int, min_disparity: int, padded: int,
 
 
 def _islands(winners: FloatMap) -> NDArray[np.bool_]:
-    """Mark matched pixels whose connected region of like disparity is below _ISLAND pixels."""
+    """Mark matched pixels whose connected region of like disparity has at most _ISLAND pixels."""
     # OpenCV's speckle filter works on 16-bit maps; 8 steps leave it room for 4096 disparities.
     steps = (winners * 8).astype(np.int16)
     kept = steps.copy()

@@ -68,6 +68,7 @@ def project_full(match: Match, structure: ImageStructure, params: PlaneParams,
     fits = fit_planes(structure.lists, match.fit_data, params, threads)
     is_fitted = fits.inlier_ratio >= max(params.min_inlier_ratio, 1e-6)
     planes = np.where(is_fitted[:, None], fits.planes, np.nan)
+    planes[is_fitted, 3:] = -np.inf, np.inf
     projected = plane_disparities(structure.labels, planes, *_range(match))
     values = np.where(np.isnan(projected), match.disparity.values, projected)
     return _segments(structure, planes, is_fitted, fits), values
