@@ -145,4 +145,4 @@ def test_kernels_are_cached_and_keep_nan(path: Path):
     for function in filter(_is_kernel, _functions(path)):
         decorator = ' '.join(map(ast.unparse, function.decorator_list))
         assert 'cache=True' in decorator, function.name
-        assert not re.search("fastmath=(True|{[^}]*(fast|nnan|ninf))", decorator), function.name
+        assert not re.search(r'fastmath=(True|{[^}]*(fast|nnan|ninf))', decorator), function.name

@@ -32,6 +32,7 @@ from stereo_refine_ros.types import Image, StereoGeometry, StereoPair
 
 IMAGE_TYPE = 'sensor_msgs/msg/Image'
 INFO_TYPE = 'sensor_msgs/msg/CameraInfo'
+IMAGE_TOPICS = ('left/image_rect', 'right/image_rect')
 _NS = 1_000_000_000
 
 
@@ -55,8 +56,8 @@ class BagPair:
     geometry: StereoGeometry | None
 
 
-def iterate_pairs(path: str | Path, left_topic: str = 'left/image_rect',
-                  right_topic: str = 'right/image_rect', slop_s: float = 0.0,
+def iterate_pairs(path: str | Path, left_topic: str = IMAGE_TOPICS[0],
+                  right_topic: str = IMAGE_TOPICS[1], slop_s: float = 0.0,
                   queue_size: int = 10) -> Iterator[BagPair]:
     """
     Yield the stereo pairs of a bag in the order in which they became complete.

@@ -96,13 +96,14 @@ def bag_frames(path: Path, params: Params, topics: Sequence[str] = ()) -> Iterat
     if len(topics) not in (0, 2):
         raise ValueError(f'bag: expected the topics of left and right, got {", ".join(topics)}')
     try:  # only bags need it
-        from stereo_refine_ros.datasets.rosbag import iterate_pairs
+        from stereo_refine_ros.datasets.rosbag import IMAGE_TOPICS, iterate_pairs
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(f'bag: {error}; pip install rosbags') from error
 
     slop = params.sync.slop if params.sync.approximate else 0.0
     start: int | None = None
-    for item in iterate_pairs(path, *topics, slop_s=slop, queue_size=params.sync.queue_size):
+    left, right = topics or IMAGE_TOPICS
+    for item in iterate_pairs(path, left, right, slop, params.sync.queue_size):
         start = item.stamp_ns if start is None else start
         yield Frame((item.stamp_ns - start) * 1e-9, item.pair)
 

@@ -54,6 +54,7 @@ def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1) ->
     ValueError
         For an unknown method, without a right image, and where the cost volume would not fit
         into this machine's memory: the system would end the process without a word.
+
     """
     if pair.right is None:
         raise ValueError(f'matching.method {params.method}: needs the right image')

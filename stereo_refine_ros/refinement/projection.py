@@ -75,6 +75,8 @@ def choose_candidates(proposed: FloatMap, others: Sequence[FloatMap], is_given: 
         Edge weights of the image's pixel graph: who counts as a neighbour.
     tree : PixelTree, optional
         Its spanning tree, to vote along instead of along rows and columns.
+    threads : int
+        At most.
 
     Returns
     -------
@@ -109,7 +111,7 @@ def _plane_kernel(labels, planes, low, high, values):
 
 @njit(cache=True, nogil=True)
 def _gain_kernel(start, stop, proposed, other, is_given, evidence, gain):
-    """What `other` costs less than `proposed`, rows start..stop; 0 where the two are one."""
+    """Set what `other` costs less than `proposed`, rows start..stop; 0 where they are one."""
     for y in range(start, stop):
         for x in range(proposed.shape[1]):
             gain[y, x] = 0
