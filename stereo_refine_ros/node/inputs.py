@@ -120,6 +120,11 @@ class Inputs:
         return [name for name in self.pairing.required
                 if now - (self.pairing.topics[name].last_arrival or 0.0) > SILENT_S]
 
+    def full_name(self, topic: str) -> str:
+        """Name a topic, and what it is remapped to."""
+        resolved = self._node.resolve_topic_name(topic)
+        return topic if resolved == f'/{topic}' else f'{topic} ({resolved})'
+
     def _subscribe(self, topic: str) -> Subscription:
         def create(events: SubscriptionEventCallbacks | None) -> Subscription:
             profile = QoSProfile(

@@ -175,7 +175,7 @@ class RefineNode(Node):
         last, silent = self._processor.last, self._inputs.silent_topics()
         return Health(
             listening=self._inputs.listening, ready=self._ready, now=self._ledger.counts(),
-            before=self._before, silent=tuple(silent),
+            before=self._before, silent=tuple(map(self._inputs.full_name, silent)),
             incompatible=tuple(sorted(self._incompatible & set(silent))),
             unmatched=self._inputs.unmatched,
             unmatched_before=self._unmatched_before,

@@ -90,13 +90,14 @@ def test_subscribes_only_while_somebody_listens(make_client):
         client.until(lambda: left.get_subscription_count() == 0, 5.0, 'no subscription')
 
 
-def test_an_incompatible_publisher_is_named(make_client):
-    with running_node(*reliable_inputs()) as node:
+def test_an_incompatible_publisher_and_a_silent_remapped_topic_are_named(make_client):
+    with running_node(*reliable_inputs(), '-r', 'right/image_rect:=cam/right') as node:
         client = make_client()
         client.subscribe('disparity', DisparityImage)
         client.publisher('left/image_rect', reliability=ReliabilityPolicy.BEST_EFFORT)
         client.spin(2.0)
         node.wait_log('left/image_rect: a publisher offers an incompatible QoS')
+        node.wait_log('right/image_rect (/cam/right), left/camera_info')
 
 
 def external_messages(values, stamp, **fields):
