@@ -121,7 +121,7 @@ class ProcessingParams:
 
     threads: int = _integer(2, 1, 256, '-', 'threads used by the kernels and by OpenCV')
     max_rows: int = _integer(
-        240, 16, 65536, 'px', 'images with more rows are matched and refined on averaged rows')
+        192, 16, 65536, 'px', 'images with more rows are matched and refined on averaged rows')
 
 
 @dataclass(frozen=True)

@@ -69,6 +69,7 @@ class StereoRefiner:
             For images or a map of the wrong type or shape.
 
         """
+        begin = time.perf_counter()
         pair = StereoPair(left, right)
         if preliminary is not None:
             preliminary = _checked(preliminary, pair.shape)
@@ -92,7 +93,8 @@ class StereoRefiner:
         if preliminary is None:
             preliminary = repeat_rows(match.disparity.values, pair.shape[0], rows)
         return RefinementResult(
-            self._map(refined), self._map(preliminary), segments, _lr_ratio(match), stage_ms)
+            self._map(refined), self._map(preliminary), segments, _lr_ratio(match), stage_ms,
+            (time.perf_counter() - begin) * 1e3)
 
     def _describe(self, image: Image, stage_ms: dict[str, float]) -> ImageStructure:
         with _timed(stage_ms, 'segmentation'):

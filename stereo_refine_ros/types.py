@@ -169,7 +169,10 @@ class RefinementResult:
     lr_consistent_ratio : float
         Share of pixels that passed the left-right check, NaN where no right map exists.
     stage_ms : dict of str to float
-        Wall time of 'matching', 'segmentation', 'planes' and 'filter' in milliseconds.
+        Wall time of 'matching', 'segmentation', 'planes' and 'filter' in milliseconds;
+        segmentation runs beside matching where there is a second thread.
+    total_ms : float
+        Wall time of the whole frame.
 
     """
 
@@ -178,3 +181,4 @@ class RefinementResult:
     segments: PlaneSegmentation
     lr_consistent_ratio: float
     stage_ms: dict[str, float] = field(default_factory=dict)
+    total_ms: float = 0.0
