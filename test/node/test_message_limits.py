@@ -20,7 +20,7 @@ import pytest
 from sensor_msgs.msg import Image
 from stereo_msgs.msg import DisparityImage
 
-from stereo_refine_ros.encodings import BadMessage, decode_image, MAX_SIDE
+from stereo_refine_ros.encodings import BadMessage, decode_image, MAX_PIXELS, MAX_SIDE
 from stereo_refine_ros.node.camera import FOCAL_PX, is_within, stereo_geometry
 from stereo_refine_ros.node.conversions import fill_image
 from stereo_refine_ros.node.disparity_messages import check_disparity, read_disparity
@@ -50,6 +50,15 @@ def test_the_longest_side_is_taken_and_one_more_is_not(width, height):
     assert decode_image('left', image(width, height, 'mono8')).shape == (height, width)
     longer = image(width + (width > 1), height + (height > 1), 'mono8')
     assert refusal(decode_image, 'left', longer)[0] == 'too_large'
+
+
+def test_the_largest_image_is_refused_for_its_data_alone():
+    height = MAX_PIXELS // MAX_SIDE
+    assert MAX_SIDE * height == MAX_PIXELS
+    largest = image(MAX_SIDE, height, 'mono8', size=0)
+    assert refusal(decode_image, 'left', largest)[0] == 'data_size'
+    larger = image(MAX_SIDE, height + 1, 'mono8', size=0)
+    assert refusal(decode_image, 'left', larger)[0] == 'too_large'
 
 
 def test_the_smallest_bayer_image():
