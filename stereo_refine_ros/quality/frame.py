@@ -63,8 +63,8 @@ def measure_frame(result: RefinementResult, pair: StereoPair, truth: FloatMap | 
         figures[f'valid_ratio_{name}'] = disparity.valid_ratio
     figures['lr_consistent_ratio'] = result.lr_consistent_ratio
     step = -(-pair.shape[0] // PHOTOMETRIC_ROWS)
-    rows = StereoPair(*(None if image is None else np.ascontiguousarray(image[::step])
-                        for image in (pair.left, pair.right)))
+    right = None if pair.right is None else np.ascontiguousarray(pair.right[::step])
+    rows = StereoPair(np.ascontiguousarray(pair.left[::step]), right)
     for name, disparity in maps.items():
         psnr, ssim = photometric_quality(rows, disparity.values[::step])
         figures[f'photometric_psnr_{name}'] = psnr
