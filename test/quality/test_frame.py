@@ -41,7 +41,7 @@ def frame():
         np.array([True, True, False]), np.array([1, 0.5, np.nan], np.float32))
     result = RefinementResult(
         DisparityMap(truth + np.float32(0.25), 0, 60), DisparityMap(preliminary, 0, 60),
-        segments, 0.75, {'matching': 3.0, 'planes': 1.5})
+        segments, 0.75, {'matching': 3.0, 'planes': 1.5}, 4.5)
     return result, StereoPair(image, np.roll(image, -6, axis=1)), truth
 
 
