@@ -87,7 +87,7 @@ class PlaneParams:
     spread: bool = _flag(
         False, 'start from disparities spread over the image tree, not filled from the background')
     rounds: int = _integer(1, 1, 5, '-', 'guarded: fits and projections one after the other')
-    iterations: int = _integer(60, 1, 10000, '-', 'RANSAC hypotheses per segment')
+    iterations: int = _integer(20, 1, 10000, '-', 'RANSAC hypotheses per segment')
     inlier_threshold: float = _number(1.0, 0.01, 100.0, 'px', 'largest residual of an inlier')
     min_inlier_ratio: float = _number(0.5, 0.0, 1.0, 'ratio', 'planes with fewer inliers fail')
     seed: int = _integer(0, 0, 2147483647, '-', 'seed of the hypotheses')

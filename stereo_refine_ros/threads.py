@@ -28,7 +28,7 @@ from functools import lru_cache
 from itertools import count
 from typing import Any
 
-_BANDS_PER_THREAD = 4
+_BANDS_PER_THREAD = 2
 
 
 @lru_cache(maxsize=None)

@@ -26,7 +26,7 @@ from stereo_refine_ros.quality.summary import measure_against_truth
 from stereo_refine_ros.types import FloatMap, PlaneSegmentation, RefinementResult, StereoPair
 
 # The photometric figures look at every n-th row, so that at most this many are looked at.
-PHOTOMETRIC_ROWS = 240
+PHOTOMETRIC_ROWS = 120
 TRUTH_KEYS = ('mse', 'psnr', 'ssim', 'bad_1_0', 'bad_2_0', 'avg_error')
 
 

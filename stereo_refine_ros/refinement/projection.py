@@ -44,7 +44,7 @@ _BLIND_GUESS = 1.0
 # The right view sees something farther there: the candidate would have to be visible.
 _TRANSPARENT = 1.0
 # Candidates closer than this need no evidence: one is as good as the other, pixels.
-_ALIKE = 0.25
+_ALIKE = 0.4
 
 
 def plane_disparities(labels: LabelMap, planes: NDArray[np.float64], low: float,
