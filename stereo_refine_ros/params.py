@@ -120,8 +120,10 @@ class ProcessingParams:
     """Use of the machine."""
 
     threads: int = _integer(2, 1, 256, '-', 'threads used by the kernels and by OpenCV')
-    max_rows: int = _integer(
-        192, 16, 65536, 'px', 'images with more rows are matched and refined on averaged rows')
+    max_cells: float = _number(
+        5.2, 0.001, 1e6, 'million', 'pixels times disparities; where there are more, rows are '
+        'averaged before matching and refinement and restored after them')
+    min_rows: int = _integer(120, 1, 65536, 'px', 'rows that averaging leaves at least')
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,8 @@ class StereoRefiner:
         pair = StereoPair(left, right)
         if preliminary is not None:
             preliminary = _checked(preliminary, pair.shape)
-        rows = rows_per_bin(pair.shape[0], self.params.processing.max_rows)
+        rows = rows_per_bin(
+            pair.shape, self.params.matching.num_disparities, self.params.processing)
         threads = self.params.processing.threads
         stage_ms: dict[str, float] = {}
         binned = bin_rows(pair, rows)

@@ -137,7 +137,8 @@ class Inputs:
         try:
             return create(SubscriptionEventCallbacks(
                 incompatible_qos=lambda _: self._on_incompatible(topic),
-                matched=lambda status: self._matched(topic, status.current_count)))
+                matched=lambda status: self._matched(topic, status.current_count),
+                use_default_callbacks=False))
         except UnsupportedEventTypeError:
             return create(None)
 

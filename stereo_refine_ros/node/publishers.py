@@ -71,7 +71,9 @@ class Publishers:
             return node.create_publisher(
                 kind, topic, profile, event_callbacks=events,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies())
+        # Every event handler is one more thing to wait for, each time a message comes.
         try:
-            return create(PublisherEventCallbacks(matched=lambda _: self._on_matched()))
+            return create(PublisherEventCallbacks(
+                matched=lambda _: self._on_matched(), use_default_callbacks=False))
         except UnsupportedEventTypeError:
             return create(None)  # then the 1 Hz timer finds subscribers

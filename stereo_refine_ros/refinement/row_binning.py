@@ -22,11 +22,14 @@ come back at full resolution.
 
 from __future__ import annotations
 
+import math
+
 import cv2
 from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.params import ProcessingParams
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, Image, PlaneSegmentation, StereoPair
 
@@ -36,9 +39,10 @@ _SAME_SURFACE = 1.0
 _ROW_WEIGHT, _COLUMN_WEIGHT = 10.0, 8.0
 
 
-def rows_per_bin(height: int, max_rows: int) -> int:
-    """Return how many rows are averaged into one so that at most `max_rows` are left."""
-    return -(-height // max_rows)
+def rows_per_bin(shape: tuple[int, int], num_disparities: int, params: ProcessingParams) -> int:
+    """Return how many rows to average into one: for `max_cells`, but not below `min_rows`."""
+    cells = shape[0] * shape[1] * num_disparities / 1e6
+    return min(math.ceil(cells / params.max_cells), max(1, shape[0] // params.min_rows))
 
 
 def bin_rows(pair: StereoPair, rows: int) -> StereoPair:

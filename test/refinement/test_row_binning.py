@@ -17,6 +17,7 @@
 import numpy as np
 import pytest
 
+from stereo_refine_ros.params import ProcessingParams
 from stereo_refine_ros.refinement.row_binning import (
     bin_disparities, bin_rows, keep_agreeing, repeat_rows, restore_rows, rows_per_bin)
 from stereo_refine_ros.types import PlaneSegmentation, StereoPair
@@ -34,11 +35,12 @@ def flat_scene(shape, rows):
     return tuple(np.full((h, width, 3), 90, np.uint8) for h in (-(-height // rows), height))
 
 
-@pytest.mark.parametrize('height, max_rows, expected', [
-    (240, 240, 1), (241, 240, 2), (480, 240, 2), (481, 240, 3), (1, 16, 1), (100, 16, 7)])
-def test_as_many_rows_are_averaged_as_the_limit_asks_for(height, max_rows, expected):
-    assert rows_per_bin(height, max_rows) == expected
-    assert -(-height // expected) <= max_rows
+@pytest.mark.parametrize('shape, depth, expected', [
+    ((480, 640), 64, 4), ((375, 450), 60, 2), ((288, 384), 16, 1),
+    ((720, 1280), 128, 6), ((100, 5000), 512, 1), ((239, 5000), 512, 1), ((1, 1), 1, 1)])
+def test_as_many_rows_are_averaged_as_the_limits_ask_for(shape, depth, expected):
+    params = ProcessingParams(max_cells=5.2, min_rows=120)
+    assert rows_per_bin(shape, depth, params) == expected
 
 
 def test_images_are_averaged_and_the_last_row_repeats():
