@@ -32,7 +32,7 @@ from stereo_refine_ros.matching.robust_cost import COST_UNIT
 from stereo_refine_ros.refinement.planes import bounded_disparity
 from stereo_refine_ros.refinement.regions import Borders, PixelLists
 
-_PASSES = 2
+_PASSES = 1
 # Pixels of a segment that its planes are tried on.
 _SAMPLES = 32
 # Cost of a unit of border whose two planes differ by a pixel, at no contrast.
