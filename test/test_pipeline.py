@@ -239,8 +239,7 @@ def test_full_projection_puts_every_pixel_of_a_fitted_segment_on_its_plane(scene
 
 @pytest.mark.parametrize('rows', [2, 3])
 def test_planes_of_averaged_rows_are_in_pixels_of_the_image(scene, rows):
-    result = refine(views(scene), processing__max_cells=0.001,
-                    processing__min_rows=120 // rows)
+    result = refine(views(scene), processing__max_cells=0.001, processing__min_rows=120 // rows)
     assert_sound(result, (120, 160), 0, RANGE)
     assert bad_ratio(result.disparity.values, scene.truth) < 0.06
     disparities, on_plane = disparities_of(result.segments)
