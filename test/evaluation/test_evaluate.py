@@ -25,6 +25,7 @@ from scene_folder import small_scene, write_scene
 
 from stereo_refine_ros.evaluate import main
 from stereo_refine_ros.evaluation.progress import Progress
+from stereo_refine_ros.params import load_preset
 
 
 class Reader(HTMLParser):
@@ -109,7 +110,7 @@ def test_table_is_printed(tmp_path, capsys):
     assert lines[0].split()[:5] == ['scene', 'matching', 'stage', 'filter', 'projection']
     assert [line.split()[2] for line in lines[1:4]] == ['preliminary', 'before', 'after']
     assert 'MSE falls in' in lines[4]
-    assert err.startswith('1/1 one sgbm')
+    assert err.startswith(f'1/1 one {load_preset("live").matching.method}')
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [
