@@ -17,8 +17,11 @@ RUN_STAMP := $(VENV)/.run-$(KIND)
 TEST_STAMP := $(VENV)/.test-$(KIND)
 LINT_STAMP := $(VENV)/.lint-$(KIND)
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
-OLDEST_PIP := $(OLDEST_VENV)/bin/python -m pip --disable-pip-version-check install --quiet
+# The locks are complete: without --no-deps pip would resolve again, and trip over the extras of a
+# package that has a newer release than its lock.
+PIP_INSTALL := -m pip --disable-pip-version-check install --quiet --no-deps
+PIP := $(BIN)/python $(PIP_INSTALL)
+OLDEST_PIP := $(OLDEST_VENV)/bin/python $(PIP_INSTALL)
 
 # Tests of the kernels: run compiled with all others, and once more as plain Python.
 KERNEL_TESTS := $(wildcard test/matching test/refinement test/quality)
@@ -93,7 +96,7 @@ $(RUN_STAMP): requirements/build.txt $(RUN_LOCKS) setup.py package.xml pyproject
 	@echo 'Installing into $(VENV) ($(if $(ROS),with ROS 2 $(ROS_DISTRO) as sourced,with ROS 2 Jazzy from PyPI)); the first time takes a minute'
 	$(PIP) -r requirements/build.txt
 	$(PIP) --no-build-isolation $(RUN_LOCKS:%=-r %)
-	$(PIP) --no-build-isolation --no-deps --editable .
+	$(PIP) --no-build-isolation --editable .
 	@touch $@
 
 $(TEST_STAMP): $(TEST_LOCKS) $(RUN_STAMP)
@@ -106,14 +109,14 @@ $(LINT_STAMP): requirements/lint.txt $(TEST_STAMP)
 
 $(CONTRIB_VENV)/.installed: requirements/contrib.txt
 	test -x $(CONTRIB_VENV)/bin/python || $(PYTHON) -m venv $(CONTRIB_VENV)
-	$(CONTRIB_VENV)/bin/python -m pip --disable-pip-version-check install --quiet --only-binary :all: -r $<
+	$(CONTRIB_VENV)/bin/python $(PIP_INSTALL) --only-binary :all: -r $<
 	@touch $@
 
 $(OLDEST_VENV)/.installed: requirements/oldest.txt requirements/build.txt setup.py package.xml
 	test -x $(OLDEST_VENV)/bin/python || $(OLDEST_PYTHON) -m venv $(OLDEST_VENV)
 	$(OLDEST_PIP) -r requirements/build.txt
 	$(OLDEST_PIP) --no-build-isolation -r $<
-	$(OLDEST_PIP) --no-build-isolation --no-deps --editable .
+	$(OLDEST_PIP) --no-build-isolation --editable .
 	@touch $@
 
 UV ?= uv
