@@ -85,8 +85,8 @@ class PlaneParams:
         'full: every pixel of a fitted segment takes its plane (the paper); '
         'guarded: a pixel moves only where the evidence says so; off: planes change nothing')
     spread: bool = _flag(
-        False, 'start from disparities spread over the image tree, not filled from the background')
-    rounds: int = _integer(1, 1, 5, '-', 'guarded: fits and projections one after the other')
+        False, 'start from disparities that matched pixels spread along like colours, not from '
+        'disparities filled from the background')
     iterations: int = _integer(20, 1, 10000, '-', 'RANSAC hypotheses per segment')
     inlier_threshold: float = _number(1.0, 0.01, 100.0, 'px', 'largest residual of an inlier')
     min_inlier_ratio: float = _number(0.5, 0.0, 1.0, 'ratio', 'planes with fewer inliers fail')

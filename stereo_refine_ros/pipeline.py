@@ -99,8 +99,7 @@ class StereoRefiner:
 
     def _describe(self, image: Image, stage_ms: dict[str, float]) -> ImageStructure:
         with _timed(stage_ms, 'segmentation'):
-            return describe_image(
-                image, self.params.segmentation, with_tree=self.params.planes.spread)
+            return describe_image(image, self.params.segmentation)
 
     def _match(self, binned: StereoPair, preliminary: FloatMap | None, rows: int) -> Match:
         if preliminary is None:

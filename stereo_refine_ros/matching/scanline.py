@@ -30,13 +30,15 @@ from stereo_refine_ros.refinement.consistency import left_right_check
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import DisparityMap, FloatMap, Image, StereoPair
 
-# Penalties in units of cost, and what is left of them where one view or both show an edge.
-_P1, _P2 = 2.0, 4.5
+# Penalties P1 and P2 in units of cost, along rows and along columns: floors and tables change
+# their disparity from row to row, so a step of one is cheaper there.
+_PENALTIES = ((1.75, 4.5), (1.0, 3.5))
+# What is left of them where both views show an edge, one does, or none.
 _EDGE_FACTORS = (0.1, 0.15, 1.0)
 _EDGE_THRESHOLD = 20
 # Left and right winners may differ by one step: slanted surfaces do.
 _TOLERANCE = 1.0
-_ISLAND = 10
+_ISLAND = 50
 
 
 def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
@@ -109,11 +111,16 @@ def _islands(winners: FloatMap) -> NDArray[np.bool_]:
 
 
 def _limits() -> NDArray[np.uint8]:
-    """P1, what a flat right view adds to it, the same of P2; row 1 for a flat left view."""
-    both, one, none = (np.array([_P1, _P2]) * COST_UNIT * factor for factor in _EDGE_FACTORS)
-    rows = [(low[0], high[0] - low[0], low[1], high[1] - low[1])
-            for low, high in ((both, one), (one, none))]
-    return np.rint(rows).astype(np.uint8)
+    """
+    Return P1, what a flat right view adds to it, and the same of P2, uint8 of shape (2, 2, 4).
+
+    By axis, rows first; then for a left view with an edge and for a flat one.
+    """
+    penalties = np.array(_PENALTIES)[:, np.newaxis] * COST_UNIT
+    low = penalties * np.array(_EDGE_FACTORS[:2])[:, np.newaxis]
+    high = penalties * np.array(_EDGE_FACTORS[1:])[:, np.newaxis]
+    limits = np.stack([low, high - low], axis=-1)  # axis, flatness, P1 or P2, base or rise
+    return np.rint(limits.reshape(2, 2, 4)).astype(np.uint8)
 
 
 def _flat(image: Image, axis: int) -> NDArray[np.uint8]:

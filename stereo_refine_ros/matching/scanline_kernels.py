@@ -29,6 +29,8 @@ import numpy as np
 from stereo_refine_ros.matching.robust_cost import fill_cost_row
 
 _FAR = np.int16(16000)
+# The key of a total nobody has; padding, at _FAR, is not below it.
+_NOBODY = np.int32(16000 << 12)
 # Stands before the first and behind the last disparity; with P1 on top it still fits 8 bits.
 WALL = np.uint8(195)
 
@@ -58,6 +60,7 @@ def _step(before, least, cost, flat, limits, after, total, depth):
 
 
 # Views: features of both images, edges along the rows and edges along the columns of both.
+# Limits: of `_step`, by axis (rows first) and by whether the left view is flat.
 # Volumes: cost (uint8) and total (int16), (H, W, P). State of the vertical paths: what two rows
 # hold (2, 2, W, P + 2), by direction and parity, and the least entries (2, W).
 # Range: min_disparity and num_disparities.
@@ -78,8 +81,8 @@ def near_half_kernel(start, stop, views, limits, span, volumes, state):
         for step in range(height // 2 if direction == 0 else height - height // 2):
             y = height - 1 - step if direction else step
             fill_cost_row(y, left, right, span[0], span[1], cost[y])
-            _horizontal_row(y, cost[y], span[1], row_edges, limits, total[y])
-            _vertical_row(y, step, direction, cost[y], span[1], column_edges, limits, total[y],
+            _horizontal_row(y, cost[y], span[1], row_edges, limits[0], total[y])
+            _vertical_row(y, step, direction, cost[y], span[1], column_edges, limits[1], total[y],
                           state)
 
 
@@ -93,10 +96,9 @@ def far_half_kernel(start, stop, views, limits, span, volumes, state, winners):
     for direction in range(start, stop):
         for step in range(height // 2 if direction == 0 else height - height // 2, height):
             y = height - 1 - step if direction else step
-            _vertical_row(y, step, direction, cost[y], span[1], column_edges, limits, total[y],
+            _vertical_row(y, step, direction, cost[y], span[1], column_edges, limits[1], total[y],
                           state)
-            _winner_row(total[y], span[1], winner[y], subpixel[y], least[y])
-            _right_winner_row(total[y], span[0], right_winner[y])
+            _winner_row(total[y], span, winner[y], subpixel[y], least[y], right_winner[y])
 
 
 @njit(cache=True, nogil=True)
@@ -134,49 +136,38 @@ def _vertical_row(y, step, direction, cost, depth, edges, limits, total, state):
 
 
 @njit(cache=True, nogil=True)
-def _winner_row(total, depth, winner, subpixel, least):
-    """Left view: index of the least total, that with its parabola offset, and the total."""
+def _winner_row(total, span, winner, subpixel, least, right_winner):
+    """
+    Left view: index of the least total, that with its sub-pixel offset, and the total.
+
+    Right view: index of the least total on the diagonal x + d; -1 where no left pixel reaches.
+    """
+    min_disparity, depth = span
     width, padded = total.shape
+    # A mirrored row of right pixels, padded by P at either end, runs with growing d.
+    on_diagonal = np.full(width + 2 * padded, _NOBODY, np.int32)
     for x in range(width):
         row = total[x]
+        lowest = on_diagonal[min(max(width - 1 - x + min_disparity + padded, 0), width + padded):]
         # Value and index in one number: the least of them is the first of the least values.
-        key = np.int32(row[0]) << np.int32(12)
+        best = np.int32(_NOBODY)
         for i in range(padded):
-            key = min(key, np.int32((np.int32(row[i]) << np.int32(12)) | np.int32(i)))
-        best = np.int64(key & np.int32(4095))
-        lowest = row[best]
-        winner[x] = best
-        least[x] = lowest
-        offset = np.float32(0)
-        if 0 < best < depth - 1:
-            before = np.float32(row[best - 1] - lowest)
-            after = np.float32(row[best + 1] - lowest)
+            key = np.int32((np.int32(row[i]) << np.int32(12)) | np.int32(i))
+            lowest[i] = min(lowest[i], key)
+            best = min(best, key)
+        index = np.int64(best & np.int32(4095))
+        winner[x] = index
+        least[x] = row[index]
+        subpixel[x] = np.float32(index)
+        if 0 < index < depth - 1:
+            before = np.float32(row[index - 1] - row[index])
+            after = np.float32(row[index + 1] - row[index])
             if before + after > 0:
-                offset = np.float32(0.5) * (before - after) / (before + after)
-        subpixel[x] = np.float32(best) + offset
-
-
-@njit(cache=True, nogil=True)
-def _right_winner_row(total, min_disparity, winner):
-    """
-    Right view: least total on the diagonal x + d of the left volume.
-
-    A mirrored row of right pixels, padded by P at either end, runs with growing d.
-    """
-    width, padded = total.shape
-    least = np.full(width + 2 * padded, _FAR, np.int16)
-    index = np.full(width + 2 * padded, -1, np.int16)
+                # Two lines of equal slope, not a parabola: absolute differences have a kink.
+                subpixel[x] += np.float32(0.5) * (before - after) / max(before, after)
     for x in range(width):
-        row = total[x]
-        begin = min(max(width - 1 - x + min_disparity + padded, 0), width + padded)
-        lowest = least[begin:]
-        best = index[begin:]
-        for i in range(padded):
-            is_lower = row[i] < lowest[i]
-            best[i] = np.int16(i) if is_lower else best[i]
-            lowest[i] = min(lowest[i], row[i])
-    for x in range(width):
-        winner[x] = index[width - 1 - x + padded]
+        best = on_diagonal[width - 1 - x + padded]
+        right_winner[x] = -1 if best >= _NOBODY else best & np.int32(4095)
 
 
 @njit(cache=True, nogil=True)

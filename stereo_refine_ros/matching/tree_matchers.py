@@ -28,9 +28,9 @@ from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.pixel_graph import edge_weights
 from stereo_refine_ros.matching.tree_aggregation import (
     aggregate, minimum_tree, PixelTree, segment_tree, Weights)
+from stereo_refine_ros.matching.tree_filter import spread_over_tree
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.refinement.consistency import left_right_check
-from stereo_refine_ros.refinement.tree_filter import spread_over_tree
 from stereo_refine_ros.threads import start
 from stereo_refine_ros.types import DisparityMap, FloatMap, Image, StereoPair
 

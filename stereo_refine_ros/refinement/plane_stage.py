@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The plane stage: fit, share, select and project, round after round.
+The plane stage: fit, share, select and project.
 
 `refine_with_planes` is the heart of the package: from a preliminary disparity with holes to a
 dense one whose every change has evidence in the images.
@@ -27,29 +27,28 @@ from numpy.typing import NDArray
 
 from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.matching.match import Match
-from stereo_refine_ros.matching.tree_aggregation import PixelTree
 from stereo_refine_ros.params import PlaneParams
 from stereo_refine_ros.quality.filling import fill_from_background
 from stereo_refine_ros.refinement.consistency import left_right_check
 from stereo_refine_ros.refinement.plane_selection import select_planes
 from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar
 from stereo_refine_ros.refinement.planes import fit_planes, PlaneFits
-from stereo_refine_ros.refinement.projection import choose_candidates, plane_disparities
+from stereo_refine_ros.refinement.projection import (
+    ALIKE, choose_candidates, plane_disparities)
 from stereo_refine_ros.refinement.regions import ImageStructure
-from stereo_refine_ros.refinement.tree_filter import spread_over_tree
+from stereo_refine_ros.refinement.spreading import spread_disparities
 from stereo_refine_ros.types import FloatMap, LabelMap, PlaneSegmentation
 
 # Fit data farther than this from the current map are outliers of the matcher.
 _FIT_REACH = 2.0
-# A matched pixel whose whole-step disparity was kept gets its sub-pixel disparity back.
-_SUBPIXEL_REACH = 0.75
+# A whole disparity that was kept takes the sub-pixel one of its match or its plane, within:
+_DATA_REACH, _PLANE_REACH = 0.6, 1.0
 # ... and farther than this from what the right view saw there are not its match.
 _CONFIRMED_REACH = 1.5
 # A map of which less than this share is confirmed belongs to other images, or another
 # calibration: its holes are filled, and nothing else is changed.
 _BELONGS = 0.3
-_ROUND_MEDIAN = 5
-_SPREAD_SIGMA, _SPREAD_LIMIT = 0.05, 4.0
+_SPREAD_MEDIAN = 3
 
 
 def unfitted(labels: LabelMap, count: int) -> PlaneSegmentation:
@@ -97,24 +96,25 @@ def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStr
             return (unfitted(structure.labels, structure.count),
                     fill_from_background(match.disparity.values))
     matched = np.isfinite(data)
-    begin = current = _start(match, structure.tree, threads)
-    for turn in range(params.rounds):
-        current = begin if turn == 0 else cv2.medianBlur(current, _ROUND_MEDIAN)
-        near = np.where(np.abs(data - current) <= _FIT_REACH, data, np.float32(np.nan))
-        fits = fit_planes(structure.lists, near, params, threads)
-        planes, own = _share(fits, structure, evidence, matched, params)
-        proposed = plane_disparities(structure.labels, planes, *_range(match))
-        if evidence is None:
-            current = np.where(matched | np.isnan(proposed), begin, proposed)
-        else:
-            others = (begin,) if turn == 0 else (begin, current)
-            current = choose_candidates(
-                proposed, others, match.disparity.valid, evidence, structure.weights,
-                structure.tree, threads)
-    if structure.tree is not None:
-        current = np.where(np.abs(data - current) <= _SUBPIXEL_REACH, data, current)
+    is_spread = params.spread and match.evidence is not None and bool(matched.any())
+    begin = (_spread(match, structure, threads) if is_spread
+             else fill_from_background(match.disparity.values))
+    near = np.where(np.abs(data - begin) <= _FIT_REACH, data, np.float32(np.nan))
+    fits = fit_planes(structure.lists, near, params, threads)
+    planes, own = _share(fits, structure, evidence, matched, params)
+    proposed = plane_disparities(structure.labels, planes, *_range(match))
+    if evidence is None:
+        values = np.where(matched | np.isnan(proposed), begin, proposed)
+    else:
+        values = choose_candidates(proposed, begin, match.disparity.valid, evidence,
+                                   structure.weights, threads)
+    if is_spread:
+        values = _with_subpixel(values, data, proposed)
+    else:
+        values = np.where(np.abs(match.disparity.values - values) < ALIKE,
+                          match.disparity.values, values)
     is_fitted = own & np.isfinite(planes[:, 0])
-    return _segments(structure, planes, is_fitted, fits), current
+    return _segments(structure, planes, is_fitted, fits), values
 
 
 def _confirmed(data: FloatMap, evidence: Evidence) -> FloatMap:
@@ -124,14 +124,18 @@ def _confirmed(data: FloatMap, evidence: Evidence) -> FloatMap:
     return np.where(left_right_check(data, right, _CONFIRMED_REACH), data, np.float32(np.nan))
 
 
-def _start(match: Match, tree: PixelTree | None, threads: int) -> FloatMap:
-    """Fill the holes of the preliminary map; with a tree, let the stable pixels vote anew."""
-    if tree is None or match.evidence is None or not np.isfinite(match.fit_data).any():
-        return fill_from_background(match.disparity.values)
-    spread = spread_over_tree(
-        np.rint(match.fit_data), tree, match.disparity.min_disparity,
-        match.disparity.num_disparities, _SPREAD_SIGMA, _SPREAD_LIMIT, threads)
-    return cv2.medianBlur(spread, 3)
+def _spread(match: Match, structure: ImageStructure, threads: int) -> FloatMap:
+    """Let the matched pixels vote for the whole disparity of every pixel."""
+    votes = spread_disparities(np.rint(match.fit_data), structure.weights,
+                               match.disparity.min_disparity, match.disparity.num_disparities,
+                               threads)
+    return cv2.medianBlur(votes, _SPREAD_MEDIAN)
+
+
+def _with_subpixel(chosen: FloatMap, data: FloatMap, planes: FloatMap) -> FloatMap:
+    """Put the sub-pixel disparity of the match, else of the plane, where a whole one was kept."""
+    near_plane = np.where(np.abs(planes - chosen) <= _PLANE_REACH, planes, chosen)
+    return np.where(np.abs(data - chosen) <= _DATA_REACH, data, near_plane)
 
 
 def _share(fits: PlaneFits, structure: ImageStructure, evidence: Evidence | None,

@@ -23,16 +23,13 @@ costs, and the cheapest candidate wins.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from stereo_refine_ros.matching.evidence import Evidence, TOTAL_UNIT
-from stereo_refine_ros.matching.tree_aggregation import PixelTree
 from stereo_refine_ros.refinement.planes import bounded_disparity
-from stereo_refine_ros.refinement.support import spread_votes
+from stereo_refine_ros.refinement.support import sweep
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, LabelMap
 
@@ -44,7 +41,9 @@ _BLIND_GUESS = 1.0
 # The right view sees something farther there: the candidate would have to be visible.
 _TRANSPARENT = 1.0
 # Candidates closer than this need no evidence: one is as good as the other, pixels.
-_ALIKE = 0.4
+ALIKE = 0.4
+# Colour change that a pixel's vote survives, in units of 255.
+_VOTE_SIGMA = 0.02
 
 
 def plane_disparities(labels: LabelMap, planes: NDArray[np.float64], low: float,
@@ -55,26 +54,24 @@ def plane_disparities(labels: LabelMap, planes: NDArray[np.float64], low: float,
     return values
 
 
-def choose_candidates(proposed: FloatMap, others: Sequence[FloatMap], is_given: NDArray[np.bool_],
+def choose_candidates(proposed: FloatMap, begin: FloatMap, is_given: NDArray[np.bool_],
                       evidence: Evidence, weights: NDArray[np.uint8],
-                      tree: PixelTree | None = None, threads: int = 1) -> FloatMap:
+                      threads: int = 1) -> FloatMap:
     """
-    Choose between the planes' disparities and others, pixel by pixel.
+    Choose between the planes' disparities and those there were, pixel by pixel.
 
     Parameters
     ----------
     proposed : float32 ndarray of shape (H, W)
         The planes' disparities; NaN is never chosen.
-    others : sequence of float32 ndarray of shape (H, W)
-        Dense maps; where nothing tells them apart the first of them is kept.
+    begin : float32 ndarray of shape (H, W)
+        A dense map; it stays where nothing tells the two apart.
     is_given : bool ndarray of shape (H, W)
-        Pixels where `others` hold what a matcher said, not what filled a hole.
+        Pixels where `begin` holds what a matcher said, not what filled a hole.
     evidence : Evidence
         Of the image pair.
     weights : uint8 ndarray of shape (H, W, 2)
         Edge weights of the image's pixel graph: who counts as a neighbour.
-    tree : PixelTree, optional
-        Its spanning tree, to vote along instead of along rows and columns.
     threads : int
         At most.
 
@@ -83,18 +80,12 @@ def choose_candidates(proposed: FloatMap, others: Sequence[FloatMap], is_given: 
     float32 ndarray of shape (H, W)
 
     """
-    proposed = np.where(np.isnan(proposed), others[0], proposed)
+    proposed = np.where(np.isnan(proposed), begin, proposed)
     view = (evidence.total, evidence.least, evidence.right, evidence.min_disparity,
             evidence.num_disparities, TOTAL_UNIT)
-    chosen, advantage = proposed, np.zeros_like(proposed)
-    for other in reversed(others):
-        gain = np.empty_like(proposed)
-        run_bands(_gain_kernel, proposed.shape[0], threads, proposed, other, is_given, view,
-                  gain)
-        gain = spread_votes(gain, weights, tree)
-        chosen = np.where(gain >= advantage, other, chosen)
-        advantage = np.maximum(gain, advantage)
-    return chosen
+    gain = np.empty_like(proposed)
+    run_bands(_gain_kernel, proposed.shape[0], threads, proposed, begin, is_given, view, gain)
+    return np.where(sweep(gain, weights, _VOTE_SIGMA) >= 0, begin, proposed)
 
 
 @njit(cache=True, nogil=True)
@@ -115,7 +106,7 @@ def _gain_kernel(start, stop, proposed, other, is_given, evidence, gain):
     for y in range(start, stop):
         for x in range(proposed.shape[1]):
             gain[y, x] = 0
-            if abs(proposed[y, x] - other[y, x]) >= _ALIKE:
+            if abs(proposed[y, x] - other[y, x]) >= ALIKE:
                 blind_guess = 0.0 if is_given[y, x] else _BLIND_GUESS
                 gain[y, x] = (_candidate_cost(y, x, proposed[y, x], evidence, 0.0)
                               - _candidate_cost(y, x, other[y, x], evidence, blind_guess))

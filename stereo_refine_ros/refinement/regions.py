@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_refine_ros.matching.pixel_graph import edge_weights
-from stereo_refine_ros.matching.tree_aggregation import minimum_tree, PixelTree
 from stereo_refine_ros.params import SegmentationParams
 from stereo_refine_ros.refinement.segmentation import segment_image
 from stereo_refine_ros.types import Image, LabelMap
@@ -90,8 +89,6 @@ class ImageStructure:
     borders : Borders
     weights : uint8 ndarray of shape (H, W, 2)
         Edge weights of the pixel graph of the median-filtered image.
-    tree : PixelTree, or None
-        Its minimum spanning tree, where asked for.
 
     """
 
@@ -100,16 +97,14 @@ class ImageStructure:
     lists: PixelLists
     borders: Borders
     weights: NDArray[np.uint8]
-    tree: PixelTree | None
 
 
-def describe_image(image: Image, params: SegmentationParams, with_tree: bool) -> ImageStructure:
+def describe_image(image: Image, params: SegmentationParams) -> ImageStructure:
     """Segment an image and gather what lies between its segments and its pixels."""
     labels, count = segment_image(image, params)
     weights = edge_weights(cv2.medianBlur(image, 3))
     return ImageStructure(
-        labels, count, group_pixels(labels, count), find_borders(labels, count, image), weights,
-        minimum_tree(weights) if with_tree else None)
+        labels, count, group_pixels(labels, count), find_borders(labels, count, image), weights)
 
 
 def group_pixels(labels: LabelMap, count: int) -> PixelLists:

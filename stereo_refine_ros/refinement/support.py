@@ -26,23 +26,11 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.matching.tree_aggregation import aggregate, PixelTree, similarity_table
+from stereo_refine_ros.matching.tree_aggregation import similarity_table
 from stereo_refine_ros.types import FloatMap
 
-# Colour change that a vote survives, in units of 255.
-_SIGMA = 0.02
 # What is left of a vote after one step over a flat image.
 _FADE = 0.9
-
-
-def spread_votes(values: FloatMap, weights: NDArray[np.uint8],
-                 tree: PixelTree | None = None) -> FloatMap:
-    """Sum votes (H, W) over the tree, or by sweeps where there is none; see `sweep`."""
-    if tree is None:
-        return sweep(values, weights, _SIGMA)
-    volume = values[..., np.newaxis].copy()
-    aggregate(volume, tree, _SIGMA)
-    return volume[..., 0]
 
 
 def sweep(values: FloatMap, weights: NDArray[np.uint8], sigma: float) -> FloatMap:

@@ -188,7 +188,9 @@ def _weight_below(y, x, levels, taps, weights, pivot, below):
         there = levels[row, column:column + count]
         line = weights[t, :count]
         for i in range(count):
-            below[i] = np.int16(below[i] + (line[i] if there[i] < pivot[i] else zero))
+            # Loaded outside the condition: a load that may not happen keeps vectors away.
+            weight = line[i]
+            below[i] = np.int16(below[i] + (weight if there[i] < pivot[i] else zero))
 
 
 @njit(cache=True, nogil=True)

@@ -19,7 +19,7 @@ import pytest
 
 from stereo_refine_ros.matching.pixel_graph import edge_weights
 from stereo_refine_ros.matching.tree_aggregation import minimum_tree
-from stereo_refine_ros.refinement.tree_filter import spread_over_tree
+from stereo_refine_ros.matching.tree_filter import spread_over_tree
 
 
 def naive_spread(values, tree, min_disparity, num_disparities, sigma, limit):
