@@ -25,7 +25,9 @@ import numpy as np
 from stereo_refine_ros.matching import compute_match
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.scanline import gather_evidence
+from stereo_refine_ros.memory import keep_freed_memory
 from stereo_refine_ros.params import Params
+from stereo_refine_ros.quality.filling import fill_from_background
 from stereo_refine_ros.refinement.filters import apply_filter
 from stereo_refine_ros.refinement.plane_stage import project_full, project_guarded, unfitted
 from stereo_refine_ros.refinement.regions import describe_image, ImageStructure
@@ -45,11 +47,16 @@ class StereoRefiner:
     params : Params
         From `load_preset`. Build a new refiner to change them.
 
+    Notes
+    -----
+    The first refiner tells the C library to keep freed memory (see `memory`).
+
     """
 
     def __init__(self, params: Params) -> None:
         """Keep the parameters; nothing is computed yet."""
         self.params = params
+        keep_freed_memory()
 
     def process(self, left: Image, right: Image | None,
                 preliminary: FloatMap | None = None) -> RefinementResult:
@@ -88,7 +95,9 @@ class StereoRefiner:
             projected, segments = restore_rows(
                 projected, segments, binned.left, left, rows, threads)
             if preliminary is not None and rows > 1:
-                projected = keep_agreeing(projected, preliminary)
+                # Without any plane the map stays, and only its holes are filled.
+                projected = (keep_agreeing(projected, preliminary) if segments.is_fitted.any()
+                             else fill_from_background(preliminary))
         with _timed(stage_ms, 'filter'):
             refined = self._filter(projected, left, segments)
         if preliminary is None:

@@ -75,9 +75,16 @@ def matching_features(pair: StereoPair, num_disparities: int) -> tuple[Features,
     """
     assert pair.right is not None
     depth = padded_depth(num_disparities)
-    pad = ((0, 0), (depth, depth))
-    right = tuple(np.pad(plane[:, ::-1], pad) for plane in _features(pair.right))
+    right = tuple(_mirrored(plane, depth) for plane in _features(pair.right))
     return _features(pair.left), right
+
+
+def _mirrored(plane: np.ndarray, pad: int) -> np.ndarray:
+    """Mirror the columns and add `pad` zeros at either end."""
+    # OpenCV has no unsigned 32-bit images, and does not mind the sign.
+    signed = plane.view(np.int32) if plane.dtype == np.uint32 else plane
+    wide = cv2.copyMakeBorder(cv2.flip(signed, 1), 0, 0, pad, pad, cv2.BORDER_CONSTANT, value=0)
+    return wide.view(plane.dtype)
 
 
 def _features(image: Image) -> Features:

@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +40,8 @@ _EDGE_FACTORS = (0.1, 0.15, 1.0)
 _EDGE_THRESHOLD = 20
 # Left and right winners may differ by one step: slanted surfaces do.
 _TOLERANCE = 1.0
-_ISLAND = 50
+# Matched regions smaller than one part in this many of the image are chance.
+_ISLANDS = 3500
 
 
 def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
@@ -102,11 +105,11 @@ def _edges(pair: StereoPair, axis: int, min_disparity: int, padded: int,
 
 
 def _islands(winners: FloatMap) -> NDArray[np.bool_]:
-    """Mark matched pixels whose connected region of like disparity has at most _ISLAND pixels."""
+    """Mark matched pixels whose connected region of like disparity is an island."""
     # OpenCV's speckle filter works on 16-bit maps; 8 steps leave it room for 4096 disparities.
     steps = (winners * 8).astype(np.int16)
     kept = steps.copy()
-    cv2.filterSpeckles(kept, -8, _ISLAND, 8)
+    cv2.filterSpeckles(kept, -8, winners.size // _ISLANDS, 8)
     return kept != steps
 
 
@@ -127,7 +130,10 @@ def _flat(image: Image, axis: int) -> NDArray[np.uint8]:
     """Mark with 255 the steps along `axis` that cross no edge; entry i is the step from i - 1."""
     height, width = image.shape[:2]
     flat = np.full((height + 1 - axis, width + axis), 255, np.uint8)
-    kernels.flat_kernel(image.reshape(height, width, -1), 1 - axis, _EDGE_THRESHOLD, flat)
+    if image.shape[axis] > 1:
+        ends = (image[:, 1:], image[:, :-1]) if axis else (image[1:], image[:-1])
+        largest = reduce(cv2.max, cv2.split(cv2.absdiff(*ends)))
+        flat[1 - axis:height, axis:width] = np.where(largest < _EDGE_THRESHOLD, 255, 0)
     return flat
 
 

@@ -168,16 +168,3 @@ def _winner_row(total, span, winner, subpixel, least, right_winner):
     for x in range(width):
         best = on_diagonal[width - 1 - x + padded]
         right_winner[x] = -1 if best >= _NOBODY else best & np.int32(4095)
-
-
-@njit(cache=True, nogil=True)
-def flat_kernel(image, down, threshold, flat):
-    """Set 255 where the step into a pixel from the one above or before crosses no edge, else 0."""
-    height, width, channels = image.shape
-    for y in range(down, height):
-        for x in range(1 - down, width):
-            largest = np.int32(0)
-            for c in range(channels):
-                change = np.int32(image[y, x, c]) - np.int32(image[y - down, x - 1 + down, c])
-                largest = max(largest, abs(change))
-            flat[y, x] = 255 if largest < threshold else 0

@@ -49,6 +49,8 @@ _CONFIRMED_REACH = 1.5
 # calibration: its holes are filled, and nothing else is changed.
 _BELONGS = 0.3
 _SPREAD_MEDIAN = 3
+# Where the images speak for what a matcher said, a plane has to be this much better, in cost.
+_INERTIA = 0.1
 
 
 def unfitted(labels: LabelMap, count: int) -> PlaneSegmentation:
@@ -107,7 +109,7 @@ def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStr
         values = np.where(matched | np.isnan(proposed), begin, proposed)
     else:
         values = choose_candidates(proposed, begin, match.disparity.valid, evidence,
-                                   structure.weights, threads)
+                                   structure.weights, 0.0 if is_spread else _INERTIA, threads)
     if is_spread:
         values = _with_subpixel(values, data, proposed)
     else:

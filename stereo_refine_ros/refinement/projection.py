@@ -42,6 +42,8 @@ _BLIND_GUESS = 1.0
 _TRANSPARENT = 1.0
 # Candidates closer than this need no evidence: one is as good as the other, pixels.
 ALIKE = 0.4
+# A cost below this contradicts nothing.
+_UNCONTESTED = 0.2
 # Colour change that a pixel's vote survives, in units of 255.
 _VOTE_SIGMA = 0.02
 
@@ -55,7 +57,7 @@ def plane_disparities(labels: LabelMap, planes: NDArray[np.float64], low: float,
 
 
 def choose_candidates(proposed: FloatMap, begin: FloatMap, is_given: NDArray[np.bool_],
-                      evidence: Evidence, weights: NDArray[np.uint8],
+                      evidence: Evidence, weights: NDArray[np.uint8], inertia: float = 0.0,
                       threads: int = 1) -> FloatMap:
     """
     Choose between the planes' disparities and those there were, pixel by pixel.
@@ -72,6 +74,8 @@ def choose_candidates(proposed: FloatMap, begin: FloatMap, is_given: NDArray[np.
         Of the image pair.
     weights : uint8 ndarray of shape (H, W, 2)
         Edge weights of the image's pixel graph: who counts as a neighbour.
+    inertia : float
+        What a given disparity that the images do not contradict is worth, in units of cost.
     threads : int
         At most.
 
@@ -84,7 +88,8 @@ def choose_candidates(proposed: FloatMap, begin: FloatMap, is_given: NDArray[np.
     view = (evidence.total, evidence.least, evidence.right, evidence.min_disparity,
             evidence.num_disparities, TOTAL_UNIT)
     gain = np.empty_like(proposed)
-    run_bands(_gain_kernel, proposed.shape[0], threads, proposed, begin, is_given, view, gain)
+    run_bands(_gain_kernel, proposed.shape[0], threads, proposed, begin, is_given, view,
+              inertia, gain)
     return np.where(sweep(gain, weights, _VOTE_SIGMA) >= 0, begin, proposed)
 
 
@@ -101,26 +106,36 @@ def _plane_kernel(labels, planes, low, high, values):
 
 
 @njit(cache=True, nogil=True)
-def _gain_kernel(start, stop, proposed, other, is_given, evidence, gain):
+def _gain_kernel(start, stop, proposed, other, is_given, evidence, inertia, gain):
     """Set what `other` costs less than `proposed`, rows start..stop; 0 where they are one."""
     for y in range(start, stop):
         for x in range(proposed.shape[1]):
             gain[y, x] = 0
             if abs(proposed[y, x] - other[y, x]) >= ALIKE:
                 blind_guess = 0.0 if is_given[y, x] else _BLIND_GUESS
-                gain[y, x] = (_candidate_cost(y, x, proposed[y, x], evidence, 0.0)
-                              - _candidate_cost(y, x, other[y, x], evidence, blind_guess))
+                kept = _candidate_cost(y, x, other[y, x], evidence, blind_guess)
+                gain[y, x] = _candidate_cost(y, x, proposed[y, x], evidence, 0.0) - kept
+                if (is_given[y, x] and kept < _UNCONTESTED
+                        and not _is_hidden(y, x, other[y, x], evidence)):
+                    gain[y, x] += inertia
+
+
+@njit(cache=True, nogil=True)
+def _is_hidden(y, x, d, evidence):
+    """Tell whether a disparity is out of the right view, or behind what that view shows."""
+    right, min_disparity = evidence[2], evidence[3]
+    partner = int(np.floor(x - d + 0.5))
+    if partner < 0 or partner >= right.shape[1]:
+        return True
+    return right[y, partner] >= 0 and right[y, partner] + min_disparity > d + 1
 
 
 @njit(cache=True, nogil=True)
 def _candidate_cost(y, x, d, evidence, blind_guess):
+    if _is_hidden(y, x, d, evidence):
+        return _INVISIBLE + blind_guess
     total, least, right, min_disparity, depth, unit = evidence
-    partner = int(np.floor(x - d + 0.5))
-    if partner < 0 or partner >= right.shape[1]:
-        return _INVISIBLE + blind_guess
-    seen = right[y, partner]
-    if seen >= 0 and seen + min_disparity > d + 1:
-        return _INVISIBLE + blind_guess
+    seen = right[y, int(np.floor(x - d + 0.5))]
     index = min(max(d - min_disparity, 0.0), depth - 1.0)
     low = int(index)
     rest = index - low

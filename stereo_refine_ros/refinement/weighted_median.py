@@ -73,8 +73,10 @@ def weighted_median(values: FloatMap, guide: Image, radius: int, sigma_color: fl
     filtered = values.copy()
     if not valid.any():
         return filtered
-    low = float(values[valid].min())
-    step = max(_STEP, (float(values[valid].max()) - low) / 32000.0)
+    low, high = float(values[valid].min()), float(values[valid].max())
+    step = max(_STEP, (high - low) / 32000.0)
+    # Whole disparities are on the grid of steps, and stay whole.
+    low = np.floor(low / step) * step
     levels = np.where(valid, np.rint((values - low) / step), -1).astype(np.int16)
     taps, factors = _taps(radius, sigma_space)
     run_bands(_median_kernel, values.shape[0], threads, np.pad(levels, radius, constant_values=-1),

@@ -76,7 +76,7 @@ def path_sums(left, right, cost, min_disparity, threshold, penalty):
     """
     Sum the four paths, one pixel after the other.
 
-    `penalty(left_edge, right_edge)` returns P1 and P2.
+    `penalty(left_edge, right_edge, is_down)` returns P1 and P2.
     """
     height, width, depth = cost.shape
     total = np.zeros(cost.shape, int)
@@ -94,7 +94,7 @@ def path_sums(left, right, cost, min_disparity, threshold, penalty):
                 for k in range(depth):
                     right_edge = edge_in_right_view(
                         right, (y, x), (dy, dx), min_disparity + k, threshold)
-                    small, large = penalty(left_edge, right_edge)
+                    small, large = penalty(left_edge, right_edge, dy != 0)
                     choices = [path[before][k], path[before].min() + large]
                     choices += [path[before][j] + small for j in (k - 1, k + 1) if 0 <= j < depth]
                     path[y, x, k] = cost[y, x, k] + min(choices) - path[before].min()
@@ -128,13 +128,13 @@ def right_winners(total, min_disparity):
     return winners
 
 
-def parabola(total, index):
-    """Return an index with the offset of the parabola through its neighbours."""
+def subpixel(total, index):
+    """Return where two lines of opposite slope through an index and its neighbours meet."""
     if not 0 < index < len(total) - 1:
         return float(index)
     before, here, after = (float(total[index + i]) for i in (-1, 0, 1))
-    bend = before - 2 * here + after
-    return index + (0.5 * (before - after) / bend if bend > 0 else 0.0)
+    slope = max(before, after) - here
+    return index + (0.5 * (before - after) / slope if slope > 0 else 0.0)
 
 
 def islands(winners, stable, largest):

@@ -25,7 +25,8 @@ from stereo_refine_ros.matching.scanline import gather_evidence, match_scanline
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.types import StereoPair
 
-ISLAND = 10
+# The largest island of the pictures below.
+ISLAND = 6
 
 
 @pytest.fixture(autouse=True)
@@ -51,21 +52,22 @@ def blocky_pair(shape=(7, 11, 3), seed=0, shift=2):
                       np.ascontiguousarray(noisy[1][:, shift:shift + shape[1]]))
 
 
-def penalty(left_edge, right_edge):
-    """Return P1 and P2 as the eight-bit costs have them."""
+def penalty(left_edge, right_edge, is_down):
+    """Return P1 and P2 of a step as the eight-bit costs have them."""
     both, one, none = scanline._EDGE_FACTORS
     least, flat = (both, one) if left_edge else (one, none)
-    sizes = np.array([scanline._P1, scanline._P2]) * COST_UNIT
+    sizes = np.array(scanline._PENALTIES[is_down]) * COST_UNIT
     small = np.rint(sizes * least).astype(int)
     return small if right_edge else small + np.rint(sizes * flat - sizes * least).astype(int)
 
 
-def test_penalties_shrink_where_a_view_shows_an_edge():
-    full = np.array([2.0, 4.5]) * COST_UNIT
-    assert penalty(False, False).tolist() == full.tolist()
-    assert np.abs(penalty(True, True) - 0.1 * full).max() <= 0.5
-    assert np.abs(penalty(True, False) - 0.15 * full).max() <= 1.0
-    assert np.abs(penalty(False, True) - 0.15 * full).max() <= 1.0
+@pytest.mark.parametrize('is_down, sizes', [(False, [1.75, 4.5]), (True, [1.0, 3.5])])
+def test_penalties_shrink_where_a_view_shows_an_edge(is_down, sizes):
+    full = np.array(sizes) * COST_UNIT
+    assert np.abs(penalty(False, False, is_down) - full).max() <= 0.5
+    assert np.abs(penalty(True, True, is_down) - 0.1 * full).max() <= 0.5
+    assert np.abs(penalty(True, False, is_down) - 0.15 * full).max() <= 1.0
+    assert np.abs(penalty(False, True, is_down) - 0.15 * full).max() <= 1.0
 
 
 @pytest.mark.parametrize('shape, min_disparity, num_disparities', [
@@ -85,7 +87,7 @@ def test_totals_are_the_sum_of_four_paths(shape, min_disparity, num_disparities)
     np.testing.assert_array_equal(winners, expected.argmin(axis=2))
     np.testing.assert_array_equal(
         evidence.right, scanline_reference.right_winners(expected, min_disparity))
-    offsets = [scanline_reference.parabola(expected[p], int(winners[p]))
+    offsets = [scanline_reference.subpixel(expected[p], int(winners[p]))
                for p in np.ndindex(winners.shape)]
     np.testing.assert_allclose(subpixel.reshape(-1), offsets, rtol=1e-6)
 
@@ -112,7 +114,8 @@ def test_every_disparity_lies_in_the_range_asked_for(first, count):
 
 
 @pytest.mark.parametrize('min_disparity', [0, -2])
-def test_the_match_is_checked_left_against_right_and_has_no_islands(min_disparity):
+def test_the_match_is_checked_left_against_right_and_has_no_islands(min_disparity, monkeypatch):
+    monkeypatch.setattr(scanline, '_ISLANDS', 12 * 20 // ISLAND)
     pair = blocky_pair((12, 20, 3), seed=3)
     match = match_scanline(pair, params(min_disparity, 7))
     total = match.evidence.total[:, :, :7].astype(int)
@@ -125,7 +128,7 @@ def test_the_match_is_checked_left_against_right_and_has_no_islands(min_disparit
     assert islands.any() and not islands.all()
     np.testing.assert_array_equal(match.disparity.valid, stable & ~islands)
     for y, x in np.argwhere(stable & ~islands):
-        expected = scanline_reference.parabola(total[y, x], winners[y, x]) + min_disparity
+        expected = scanline_reference.subpixel(total[y, x], winners[y, x]) + min_disparity
         assert match.disparity.values[y, x] == pytest.approx(expected, rel=1e-6)
     np.testing.assert_array_equal(
         match.right, np.where(right < 0, np.nan, right + min_disparity).astype(np.float32))
@@ -145,7 +148,7 @@ def test_a_shifted_view_is_matched_by_its_shift():
 def test_sums_do_not_overflow_at_the_greatest_contrast():
     board = (np.indices((40, 60)).sum(0) % 2 * 255).astype(np.uint8)
     total = gather_evidence(StereoPair(board, 255 - board), params(0, 40))[0].total
-    largest = 4 * (2 * COST_UNIT + round(scanline._P2 * COST_UNIT))
+    largest = 4 * (2 * COST_UNIT + round(scanline._PENALTIES[0][1] * COST_UNIT))
     assert 0 <= total[:, :, :40].min() <= total[:, :, :40].max() <= largest
     # The padding is never the least.
     assert total[:, :, 40:].min() > largest

@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from stereo_refine_ros.matching.evidence import TOTAL_UNIT
@@ -178,13 +180,23 @@ def projection_cost(evidence, values, blind_guess):
     return costs
 
 
-def gain(evidence, proposed, other, is_given):
+def is_hidden(evidence, values):
+    """Mark the disparities that are out of the right view, or behind what it shows."""
+    # Against no evidence but the right view, what is not hidden costs nothing.
+    nothing = replace(evidence, total=np.zeros_like(evidence.total),
+                      least=np.zeros_like(evidence.least))
+    costs = projection_cost(nothing, values, np.zeros(values.shape))
+    return costs == projection._INVISIBLE
+
+
+def gain(evidence, proposed, other, is_given, inertia=0.0):
     """Return what another map costs less than the proposed one, 0 where they are alike."""
     blind_guess = np.where(is_given, 0.0, projection._BLIND_GUESS)
-    lower = (projection_cost(evidence, proposed, np.zeros(other.shape))
-             - projection_cost(evidence, other, blind_guess))
-    is_other = np.abs(proposed - other) >= projection._ALIKE
-    return np.where(is_other, lower, 0.0).astype(np.float32)
+    kept = projection_cost(evidence, other, blind_guess)
+    lower = projection_cost(evidence, proposed, np.zeros(other.shape)) - kept
+    is_uncontested = is_given & (kept < projection._UNCONTESTED) & ~is_hidden(evidence, other)
+    is_other = np.abs(proposed - other) >= projection.ALIKE
+    return np.where(is_other, lower + inertia * is_uncontested, 0.0).astype(np.float32)
 
 
 def selection_cost(evidence, x, y, d, is_matched):

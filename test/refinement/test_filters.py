@@ -157,3 +157,12 @@ def test_unknown_method_and_wrong_guide_are_refused():
         run('magic', values, np.zeros((4, 5), np.uint8))
     with pytest.raises(ValueError, match=r'guide: expected shape \(4, 5\), got \(5, 4\)'):
         run('box', values, np.zeros((5, 4), np.uint8))
+
+
+def test_whole_disparities_stay_whole_under_the_weighted_median():
+    generator = np.random.default_rng(3)
+    values = generator.integers(3, 30, (12, 14)).astype(np.float32)
+    values[0, 0] = 3.96
+    guide = generator.integers(80, 140, (12, 14), dtype=np.uint8)
+    result = run('weighted_median', values, guide)[2:, 2:]
+    np.testing.assert_array_equal(result, np.rint(result))

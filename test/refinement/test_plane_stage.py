@@ -21,7 +21,6 @@ import pytest
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.pixel_graph import edge_weights
 from stereo_refine_ros.matching.scanline import gather_evidence
-from stereo_refine_ros.matching.tree_aggregation import minimum_tree
 from stereo_refine_ros.params import MatchingParams, PlaneParams
 from stereo_refine_ros.refinement.plane_stage import project_full, project_guarded, unfitted
 from stereo_refine_ros.refinement.regions import find_borders, group_pixels, ImageStructure
@@ -45,12 +44,10 @@ def blocks():
     return image, labels, np.array([[0.1, 0.05, 2.0], [0.0, 0.0, 6.0], [-0.1, 0.1, 9.0]])
 
 
-def describe(image, labels, with_tree=False):
+def describe(image, labels):
     """Gather the structure of an image whose segments are given."""
-    weights = edge_weights(image)
-    return ImageStructure(
-        labels, 3, group_pixels(labels, 3), find_borders(labels, 3, image), weights,
-        minimum_tree(weights) if with_tree else None)
+    return ImageStructure(labels, 3, group_pixels(labels, 3), find_borders(labels, 3, image),
+                          edge_weights(image))
 
 
 def render(labels, planes):
@@ -163,15 +160,14 @@ def shifted_scene(shift=4):
     return evidence, pair.left, blocks()[1]
 
 
-@pytest.mark.parametrize('rounds', [1, 2])
-def test_evidence_moves_valid_pixels_that_the_images_refute(rounds):
+def test_evidence_moves_valid_pixels_that_the_images_refute():
     evidence, image, labels = shifted_scene()
     values = np.full(SHAPE, 4.0, np.float32)
     values[6:10, 16:20] = 9.0
     values[:, 22:25] = np.nan
     before = values.copy()
     segments, projected = project_guarded(
-        match_of(values), evidence, describe(image, labels), PlaneParams(rounds=rounds))
+        match_of(values), evidence, describe(image, labels), PlaneParams())
     np.testing.assert_allclose(projected, 4.0, atol=0.05)
     np.testing.assert_allclose(segments.planes, np.tile([0.0, 0.0, 4.0], (3, 1)), atol=0.01)
     np.testing.assert_array_equal(values, before)
@@ -194,20 +190,35 @@ def test_a_map_of_holes_stays_one(spread, has_evidence):
     evidence = evidence if has_evidence else None
     holes = np.full(SHAPE, np.nan, np.float32)
     segments, projected = project_guarded(
-        match_of(holes, evidence=evidence), evidence, describe(image, labels, spread),
-        PlaneParams(rounds=2))
+        match_of(holes, evidence=evidence), evidence, describe(image, labels),
+        PlaneParams(spread=spread))
     assert np.isnan(projected).all()
     assert not segments.is_fitted.any() and np.isnan(segments.planes).all()
 
 
-def test_with_a_tree_stable_pixels_outvote_a_wrong_one():
+def test_matched_pixels_outvote_a_wrong_one_and_keep_their_subpixel_disparity():
     evidence, image, labels = shifted_scene()
     values = np.full(SHAPE, 4.2, np.float32)
+    values[:, ::2] = 4.3
     values[9, 14], values[:, 20:23] = 8.0, np.nan
     _, projected = project_guarded(
-        match_of(values, evidence=evidence), evidence, describe(image, labels, True),
-        PlaneParams())
-    np.testing.assert_allclose(projected, 4.2, atol=0.3)
+        match_of(values, evidence=evidence), evidence, describe(image, labels),
+        PlaneParams(spread=True))
+    inner = (slice(3, -3), slice(None, 18))
+    expected = values.copy()
+    expected[9, 14] = projected[9, 14]
+    np.testing.assert_array_equal(projected[inner], expected[inner])
+    # No whole disparity is left, not even where nothing had matched.
+    np.testing.assert_allclose(projected, 4.25, atol=0.15)
+
+
+def test_what_a_matcher_said_stays_where_the_plane_says_nearly_the_same():
+    evidence, image, labels = shifted_scene()
+    values = np.full(SHAPE, 4.0, np.float32)
+    values[::2] = 4.25
+    _, projected = project_guarded(
+        match_of(values), evidence, describe(image, labels), PlaneParams())
+    np.testing.assert_array_equal(projected, values)
 
 
 @pytest.mark.compiled
@@ -215,8 +226,8 @@ def test_with_a_tree_stable_pixels_outvote_a_wrong_one():
 def test_threads_do_not_change_a_bit(threads):
     evidence, image, labels = shifted_scene()
     values = np.random.default_rng(2).uniform(2, 6, SHAPE).astype(np.float32)
-    args = (match_of(values, evidence=evidence), evidence, describe(image, labels, True),
-            PlaneParams(rounds=2))
+    args = (match_of(values, evidence=evidence), evidence, describe(image, labels),
+            PlaneParams(spread=True))
     segments, projected = project_guarded(*args)
     segments_again, again = project_guarded(*args, threads)
     np.testing.assert_array_equal(again, projected)

@@ -20,11 +20,10 @@ import pytest
 
 from stereo_refine_ros.matching.pixel_graph import edge_weights
 from stereo_refine_ros.matching.scanline import gather_evidence
-from stereo_refine_ros.matching.tree_aggregation import aggregate, minimum_tree
 from stereo_refine_ros.params import MatchingParams
-from stereo_refine_ros.refinement import planes, support
+from stereo_refine_ros.refinement import planes, projection, support
 from stereo_refine_ros.refinement.projection import choose_candidates, plane_disparities
-from stereo_refine_ros.refinement.support import spread_votes, sweep
+from stereo_refine_ros.refinement.support import sweep
 from stereo_refine_ros.types import StereoPair
 
 # Nothing that a matcher said: all of it filled.
@@ -72,39 +71,48 @@ def test_planes_end_a_little_beyond_where_they_were_seen():
     assert values.max() == 9 + reach < 0.5 * 29 + 2
 
 
-@pytest.mark.parametrize('along_tree', [False, True])
+@pytest.mark.parametrize('inertia', [0.0, 0.4])
 @pytest.mark.parametrize('seed, min_disparity', [(0, 0), (1, -3), (2, 2), (3, 1), (4, 6)])
-def test_the_candidate_with_the_most_votes_wins(seed, min_disparity, along_tree):
+def test_the_candidate_with_the_most_votes_wins(seed, min_disparity, inertia):
     evidence, weights, rng = problem(seed, (9, 14), min_disparity)
-    tree = minimum_tree(weights) if along_tree else None
-    maps = rng.uniform(min_disparity - 3, min_disparity + 9, (3, 9, 14)).astype(np.float32)
-    maps[1, :4] = maps[2, :4] + np.float32(0.1)
-    proposed = np.where(rng.random((9, 14)) < 0.2, np.float32(np.nan), maps[2])
+    begin, planes_say = rng.uniform(min_disparity - 3, min_disparity + 9, (2, 9, 14)).astype(
+        np.float32)
+    begin[:4] = planes_say[:4] + np.float32(0.1)
+    proposed = np.where(rng.random((9, 14)) < 0.2, np.float32(np.nan), planes_say)
     is_given = rng.random((9, 14)) < 0.5
-    chosen = choose_candidates(proposed, maps[:2], is_given, evidence, weights, tree)
-    filled = np.where(np.isnan(proposed), maps[0], proposed)
-    votes = [spread_votes(plane_reference.gain(evidence, filled, other, is_given), weights, tree)
-             for other in maps[:2]]
-    winner = np.argmax([*votes, np.zeros((9, 14), np.float32)], axis=0)
-    np.testing.assert_array_equal(chosen, np.choose(winner, [*maps[:2], filled]))
-    assert {0, 1, 2} == set(winner.reshape(-1).tolist())
+    chosen = choose_candidates(proposed, begin, is_given, evidence, weights, inertia)
+    filled = np.where(np.isnan(proposed), begin, proposed)
+    votes = sweep(plane_reference.gain(evidence, filled, begin, is_given, inertia), weights,
+                  projection._VOTE_SIGMA)
+    np.testing.assert_array_equal(chosen, np.where(votes >= 0, begin, filled))
+    assert 0 < np.count_nonzero(chosen != begin) < chosen.size
+
+
+def test_inertia_counts_only_where_something_given_is_uncontested():
+    evidence, _, rng = problem(0)
+    begin, proposed = rng.uniform(0, 6, (2, 9, 14)).astype(np.float32)
+    is_given = rng.random((9, 14)) < 0.5
+    rise = (plane_reference.gain(evidence, proposed, begin, is_given, 1.0)
+            - plane_reference.gain(evidence, proposed, begin, is_given))
+    assert set(np.rint(rise).reshape(-1).tolist()) == {0.0, 1.0}
+    assert not rise[~is_given].any()
+    assert not rise[plane_reference.is_hidden(evidence, begin)].any()
 
 
 def test_where_nothing_tells_candidates_apart_the_first_is_kept():
     evidence, weights, _ = problem(0)
     begin = np.full((9, 14), 2.0, np.float32)
-    other = begin + np.float32(0.1)
     assert np.all(choose_candidates(
-        other + np.float32(0.1), [begin, other], FILLED, evidence, weights) == begin)
+        begin + np.float32(0.2), begin, FILLED, evidence, weights) == begin)
 
 
 def test_no_proposal_leaves_what_there_was():
     evidence, weights, rng = problem(1)
     begin = rng.uniform(0, 6, (9, 14)).astype(np.float32)
     holes = np.full((9, 14), np.nan, np.float32)
-    kept = choose_candidates(holes, [begin], FILLED, evidence, weights)
+    kept = choose_candidates(holes, begin, FILLED, evidence, weights)
     np.testing.assert_array_equal(kept, begin)
-    assert np.isnan(choose_candidates(holes, [holes], FILLED, evidence, weights)).all()
+    assert np.isnan(choose_candidates(holes, holes, FILLED, evidence, weights)).all()
 
 
 def test_a_candidate_that_the_images_confirm_beats_one_that_they_refute():
@@ -112,8 +120,8 @@ def test_a_candidate_that_the_images_confirm_beats_one_that_they_refute():
     right, wrong = (np.full((9, 14), d, np.float32) for d in (2.0, 5.0))
     inner = (slice(None), slice(6, None))
     for is_given in (FILLED, ~FILLED):
-        for proposed, other in ((right, wrong), (wrong, right)):
-            chosen = choose_candidates(proposed, [other], is_given, evidence, weights)
+        for proposed, begin in ((right, wrong), (wrong, right)):
+            chosen = choose_candidates(proposed, begin, is_given, evidence, weights)
             assert np.all(chosen[inner] == 2.0)
 
 
@@ -123,8 +131,8 @@ def test_bands_do_not_change_the_choice(threads):
     evidence, weights, rng = problem(3)
     first, second = rng.uniform(0, 6, (2, 9, 14)).astype(np.float32)
     np.testing.assert_array_equal(
-        choose_candidates(second, [first], FILLED, evidence, weights, threads=threads),
-        choose_candidates(second, [first], FILLED, evidence, weights))
+        choose_candidates(second, first, FILLED, evidence, weights, threads=threads),
+        choose_candidates(second, first, FILLED, evidence, weights))
 
 
 @pytest.mark.parametrize('shape', [(6, 7), (1, 8), (8, 1), (1, 1)])
@@ -141,15 +149,3 @@ def test_sweeps_sum_along_rows_and_then_along_columns(shape):
         sums[y, x] = sum(rows[v, x] * step[min(y, v):max(y, v), x, 1].prod()
                          for v in range(shape[0]))
     np.testing.assert_allclose(sweep(values, weights, 0.02), sums, rtol=1e-4, atol=1e-5)
-
-
-def test_votes_along_a_tree_are_its_weighted_means():
-    rng = np.random.default_rng(6)
-    weights = edge_weights(rng.integers(0, 12, (6, 7, 3), dtype=np.uint8))
-    values = rng.normal(0, 1, (6, 7)).astype(np.float32)
-    tree = minimum_tree(weights)
-    volume = values[..., np.newaxis].copy()
-    aggregate(volume, tree, 0.02)
-    before = values.copy()
-    np.testing.assert_array_equal(spread_votes(values, weights, tree), volume[..., 0])
-    np.testing.assert_array_equal(values, before)

@@ -20,7 +20,6 @@ import plane_reference
 import pytest
 
 from stereo_refine_ros.matching.pixel_graph import edge_weights
-from stereo_refine_ros.matching.tree_aggregation import minimum_tree
 from stereo_refine_ros.params import SegmentationParams
 from stereo_refine_ros.refinement.regions import describe_image, find_borders, group_pixels
 from stereo_refine_ros.refinement.segmentation import segment_image
@@ -73,11 +72,10 @@ def test_one_segment_has_no_border():
     assert found.middle.shape == (0, 2)
 
 
-@pytest.mark.parametrize('with_tree', [False, True])
-def test_the_structure_of_an_image_is_that_of_its_parts(with_tree):
+def test_the_structure_of_an_image_is_that_of_its_parts():
     image, _, _ = segmented((12, 14, 3), seed=4)
     params = SegmentationParams(30.0, 0.0, 3)
-    structure = describe_image(image, params, with_tree)
+    structure = describe_image(image, params)
     labels, count = segment_image(image, params)
     assert structure.count == count
     np.testing.assert_array_equal(structure.labels, labels)
@@ -86,9 +84,6 @@ def test_the_structure_of_an_image_is_that_of_its_parts(with_tree):
         structure.borders.pairs, find_borders(labels, count, image).pairs)
     weights = edge_weights(cv2.medianBlur(image, 3))
     np.testing.assert_array_equal(structure.weights, weights)
-    assert (structure.tree is not None) == with_tree
-    if with_tree:
-        np.testing.assert_array_equal(structure.tree.parent, minimum_tree(weights).parent)
 
 
 @pytest.mark.compiled
