@@ -21,9 +21,9 @@ from typing import Any
 import cv2
 import numpy as np
 
+from stereo_refine_ros.matching.consistency import right_from_left
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.params import MatchingParams
-from stereo_refine_ros.refinement.consistency import right_from_left
 from stereo_refine_ros.types import DisparityMap, FloatMap, StereoPair
 
 _SGBM_BLOCK = 3

@@ -26,7 +26,6 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import Image, StereoPair
 
 Features = tuple[np.ndarray, ...]
@@ -41,24 +40,6 @@ OUT_OF_VIEW = int(0.9 * COST_UNIT)
 # Vector registers hold this many steps; a loop of another length crawls through its rest.
 DEPTH_STEP = 32
 PADDING = 2 * COST_UNIT
-
-
-def robust_cost_volume(pair: StereoPair, min_disparity: int, num_disparities: int,
-                       threads: int = 1) -> NDArray[np.uint8]:
-    """
-    Cost of every disparity at every pixel of the left view.
-
-    Returns
-    -------
-    uint8 ndarray of shape (H, W, P), 0..2 in units of 1 / COST_UNIT; index d - min_disparity.
-        P is D rounded up to a multiple of DEPTH_STEP; the entries from D on hold PADDING.
-
-    """
-    height, width = pair.shape
-    volume = np.empty((height, width, padded_depth(num_disparities)), np.uint8)
-    left, right = matching_features(pair, num_disparities)
-    run_bands(_cost_kernel, height, threads, left, right, min_disparity, num_disparities, volume)
-    return volume
 
 
 def padded_depth(num_disparities: int) -> int:
@@ -129,15 +110,12 @@ def _bit_count(bits):
 
 
 @njit(cache=True, nogil=True)
-def _cost_kernel(start, stop, left, right, min_disparity, num_disparities, volume):
-    for y in range(start, stop):
-        fill_cost_row(y, left, right, min_disparity, num_disparities, volume[y])
-
-
-@njit(cache=True, nogil=True)
 def fill_cost_row(y, left, right, min_disparity, num_disparities, volume):
     """
-    Fill the costs (W, P) of image row y; see `matching_features`.
+    Fill the costs of image row y, uint8 (W, P), 0..2 in units of 1 / COST_UNIT.
+
+    Index d - min_disparity; P is D rounded up by `padded_depth`, from D on there is PADDING. For
+    the features see `matching_features`.
 
     Every pixel runs over the whole depth, whatever is in view, for the sake of DEPTH_STEP.
     """

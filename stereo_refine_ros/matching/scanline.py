@@ -23,12 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_refine_ros.matching import scanline_kernels as kernels
+from stereo_refine_ros.matching.consistency import left_right_check
 from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.robust_cost import (
     COST_UNIT, matching_features, padded_depth)
 from stereo_refine_ros.params import MatchingParams
-from stereo_refine_ros.refinement.consistency import left_right_check
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import DisparityMap, FloatMap, Image, StereoPair
 

@@ -18,7 +18,8 @@ Choice among planes: every segment takes the one plane, its own or a neighbour's
 A wrong match that is consistent within a segment gives a good fit and a wrong plane. Only the
 images and the neighbours can tell: the energy of a plane is the matching cost it has inside the
 segment, plus the steps it makes along borders that show no contrast. Minimised segment by
-segment (iterated conditional modes), like the label stage of segment-based stereo.
+segment, once (one pass of iterated conditional modes), like the label stage of segment-based
+stereo.
 """
 
 from __future__ import annotations
@@ -32,15 +33,14 @@ from stereo_refine_ros.matching.robust_cost import COST_UNIT
 from stereo_refine_ros.refinement.planes import bounded_disparity
 from stereo_refine_ros.refinement.regions import Borders, PixelLists
 
-_PASSES = 1
 # Pixels of a segment that its planes are tried on.
 _SAMPLES = 32
 # Cost of a unit of border whose two planes differ by a pixel, at no contrast.
 _SMOOTHNESS = 4.0
 _COLOR_SCALE = 30.0
 _LARGEST_STEP = 2.0
-# Cost of an unmatched pixel that a plane would explain as occluded, or as out of view.
-_OCCLUDED, _OUT_OF_VIEW = 0.65, 0.65
+# Cost of an unmatched pixel that a plane would explain as occluded or out of view.
+_INVISIBLE = 0.65
 # ... and of one that did find a consistent match: it cannot be invisible.
 _CONTRADICTED = 2.0
 
@@ -85,36 +85,27 @@ def select_planes(planes: NDArray[np.float64], lists: PixelLists, borders: Borde
 @njit(cache=True, nogil=True)
 def _select_kernel(planes, pixels, starts, pairs, middle, weight, touching, first,
                    evidence, matched):
-    count = planes.shape[0]
-    is_stale = np.ones(count, np.bool_)
-    for _ in range(_PASSES):
-        for label in range(count):
-            if not is_stale[label]:
+    for label in range(planes.shape[0]):
+        borders = touching[first[label]:first[label + 1]]
+        members = pixels[starts[label]:starts[label + 1]]
+        giver = -1
+        lowest = np.inf
+        if np.isfinite(planes[label, 0]):
+            giver = label
+            lowest = (_data_energy(planes[label], members, evidence, matched)
+                      + _step_energy(planes[label], label, borders, pairs, middle, weight,
+                                     planes))
+        for border in borders:
+            other = pairs[border, 0] + pairs[border, 1] - label
+            if not np.isfinite(planes[other, 0]) or _is_same(planes[other], planes[label]):
                 continue
-            is_stale[label] = False
-            borders = touching[first[label]:first[label + 1]]
-            members = pixels[starts[label]:starts[label + 1]]
-            giver = -1
-            lowest = np.inf
-            if np.isfinite(planes[label, 0]):
-                giver = label
-                lowest = (_data_energy(planes[label], members, evidence, matched)
-                          + _step_energy(planes[label], label, borders, pairs, middle, weight,
-                                         planes))
-            own = giver
-            for border in borders:
-                other = pairs[border, 0] + pairs[border, 1] - label
-                if not np.isfinite(planes[other, 0]) or _is_same(planes[other], planes[label]):
-                    continue
-                energy = _step_energy(planes[other], label, borders, pairs, middle, weight, planes)
-                if energy < lowest:
-                    energy += _data_energy(planes[other], members, evidence, matched)
-                if energy < lowest:
-                    lowest, giver = energy, other
-            if giver != own:
-                planes[label] = planes[giver]
-                for border in borders:
-                    is_stale[pairs[border, 0] + pairs[border, 1] - label] = True
+            energy = _step_energy(planes[other], label, borders, pairs, middle, weight, planes)
+            if energy < lowest:
+                energy += _data_energy(planes[other], members, evidence, matched)
+            if energy < lowest:
+                lowest, giver = energy, other
+        if giver >= 0:
+            planes[label] = planes[giver]
 
 
 @njit(cache=True, nogil=True)
@@ -156,10 +147,10 @@ def _pixel_cost(x, y, d, evidence, is_matched):
     width = cost.shape[1]
     partner = int(np.floor(x - d + 0.5))
     if partner < 0 or partner >= width:
-        return _CONTRADICTED if is_matched else _OUT_OF_VIEW
+        return _CONTRADICTED if is_matched else _INVISIBLE
     seen = right[y, partner]
     if seen >= 0 and seen + min_disparity > d + 1.0 and not is_matched:
-        return _OCCLUDED
+        return _INVISIBLE
     index = d - min_disparity
     if index < 0 or index > depth - 1:
         return _CONTRADICTED

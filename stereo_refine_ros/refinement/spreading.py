@@ -34,6 +34,8 @@ _REACH = 4
 # Disparities swept at once. Known to the compiler, so that every loop over them becomes a few
 # vector instructions; and few, so that a part of the volume stays in the cache.
 LANES = 32
+# Images of more pixels have no room for two volumes of 128 bytes a pixel side by side.
+_LARGEST_PAIR = 1 << 20
 
 
 def spread_disparities(values: FloatMap, weights: NDArray[np.uint8], min_disparity: int,
@@ -67,6 +69,8 @@ def spread_disparities(values: FloatMap, weights: NDArray[np.uint8], min_dispari
     firsts = range(min_disparity, min_disparity + num_disparities, LANES)
     half = len(firsts) // 2
     args = min_disparity + num_disparities, values, weights, table
+    if values.size > _LARGEST_PAIR:
+        return _most_supported(firsts, *args)[0]
     upper = start(threads, _most_supported, firsts[half:], *args)
     if half == 0:
         return upper.result()[0]

@@ -33,7 +33,7 @@ def run(script, *options):
 
 
 def test_every_set_is_accounted_for_in_a_short_soak():
-    text = run('soak.py', '--seconds', '10', '--fault-rate', '0.3', '--seed', '4')
+    text = run('soak.py', '--seconds', '15', '--fault-rate', '0.3', '--seed', '4')
     counts = {name: int(count) for name, count in re.findall(r'^\| ([a-z ]+) \| (\d+) \|$',
                                                              text, re.MULTILINE)}
     assert counts['sent whole'] > 20

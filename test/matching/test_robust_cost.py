@@ -19,7 +19,9 @@ import pytest
 import scanline_reference
 
 from stereo_refine_ros.matching.robust_cost import (
-    census_5x5, COST_UNIT, DEPTH_STEP, OUT_OF_VIEW, PADDING, robust_cost_volume)
+    census_5x5, COST_UNIT, DEPTH_STEP, OUT_OF_VIEW, PADDING)
+from stereo_refine_ros.matching.scanline import gather_evidence
+from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.types import StereoPair
 
 
@@ -28,6 +30,12 @@ def wrapping_allowed():
     """Let unsigned scalars wrap round where the kernels run as plain Python."""
     with np.errstate(over='ignore'):
         yield
+
+
+def robust_cost_volume(pair, min_disparity, num_disparities, threads=1):
+    """Return the costs that the paths go over."""
+    params = MatchingParams('scanline', min_disparity, num_disparities)
+    return gather_evidence(pair, params, threads)[0].cost
 
 
 def random_pair(shape, seed=0, reach=256):

@@ -103,24 +103,3 @@ def guided(values, grey, radius, eps):
         return slope * level[centre] + intercept
 
     return filter_windows(values, radius, combine)
-
-
-def left_right_check(left, right, tolerance):
-    """Check one pixel after the other."""
-    consistent = np.zeros(left.shape, bool)
-    for y, x in np.argwhere(np.isfinite(left)):
-        partner = int(np.floor(x - left[y, x] + 0.5))
-        if 0 <= partner < left.shape[1]:
-            consistent[y, x] = abs(left[y, x] - right[y, partner]) <= tolerance
-    return consistent
-
-
-def right_from_left(left):
-    """Collect what arrives at every pixel of the right view and keep the largest."""
-    right = np.full(left.shape, np.nan)
-    for y in range(left.shape[0]):
-        for u in range(left.shape[1]):
-            arriving = [d for x, d in enumerate(left[y])
-                        if np.isfinite(d) and int(np.floor(x - d + 0.5)) == u]
-            right[y, u] = max(arriving, default=np.nan)
-    return right

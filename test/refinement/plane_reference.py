@@ -205,10 +205,10 @@ def selection_cost(evidence, x, y, d, is_matched):
     partner = int(np.floor(x - d + 0.5))
     if not 0 <= partner < width:
         return (plane_selection._CONTRADICTED if is_matched
-                else plane_selection._OUT_OF_VIEW)
+                else plane_selection._INVISIBLE)
     seen = int(evidence.right[y, partner])
     if seen >= 0 and seen + evidence.min_disparity > d + 1 and not is_matched:
-        return plane_selection._OCCLUDED
+        return plane_selection._INVISIBLE
     index = d - evidence.min_disparity
     if not 0 <= index <= last:
         return plane_selection._CONTRADICTED
@@ -221,8 +221,8 @@ def weigh(length, distance):
             * np.exp(-distance / plane_selection._COLOR_SCALE))
 
 
-def select(planes, labels, pairs, lengths, distances, middles, evidence, matched, passes):
-    """Try every neighbour's plane on every segment, pass after pass."""
+def select(planes, labels, pairs, lengths, distances, middles, evidence, matched):
+    """Try every neighbour's plane on every segment."""
     planes = planes.copy()
 
     def energy(label, plane):
@@ -239,12 +239,11 @@ def select(planes, labels, pairs, lengths, distances, middles, evidence, matched
                     data += weigh(length, distance) * min(step, plane_selection._LARGEST_STEP)
         return data
 
-    for _ in range(passes):
-        for label in range(len(planes)):
-            options = [planes[label]] if np.isfinite(planes[label, 0]) else []
-            options += [planes[pair.sum() - label] for pair in pairs if label in pair
-                        and np.isfinite(planes[pair.sum() - label, 0])]
-            if options:
-                energies = [energy(label, plane) for plane in options]
-                planes[label] = options[int(np.argmin(energies))].copy()
+    for label in range(len(planes)):
+        options = [planes[label]] if np.isfinite(planes[label, 0]) else []
+        options += [planes[pair.sum() - label] for pair in pairs if label in pair
+                    and np.isfinite(planes[pair.sum() - label, 0])]
+        if options:
+            energies = [energy(label, plane) for plane in options]
+            planes[label] = options[int(np.argmin(energies))].copy()
     return planes

@@ -22,7 +22,6 @@ import pytest
 
 from stereo_refine_ros.matching.scanline import gather_evidence
 from stereo_refine_ros.params import MatchingParams
-from stereo_refine_ros.refinement import plane_selection
 from stereo_refine_ros.refinement.plane_selection import select_planes
 from stereo_refine_ros.refinement.regions import find_borders, group_pixels
 from stereo_refine_ros.types import StereoPair
@@ -65,7 +64,7 @@ def test_selection_is_that_of_the_slow_version(seed, min_disparity):
     chosen = select(planes, group_pixels(labels, 20), borders, evidence, matched)
     expected = plane_reference.select(
         planes, labels, borders.pairs, borders.length, borders.color_distance, borders.middle,
-        evidence, matched, plane_selection._PASSES)
+        evidence, matched)
     np.testing.assert_array_equal(chosen, expected)
     assert not np.array_equal(chosen, planes, equal_nan=True)
 

@@ -14,11 +14,11 @@
 
 """The left-right check and the forward warp against slow versions and by hand."""
 
-import filter_reference
+import matching_reference
 import numpy as np
 import pytest
 
-from stereo_refine_ros.refinement.consistency import left_right_check, right_from_left
+from stereo_refine_ros.matching.consistency import left_right_check, right_from_left
 
 NAN = np.float32('nan')
 
@@ -36,7 +36,7 @@ def test_check_is_the_naive_one(tolerance):
         left, right = (np.rint(random_map(s)) if whole else random_map(s) for s in (1, 2))
         np.testing.assert_array_equal(
             left_right_check(left, right, tolerance),
-            filter_reference.left_right_check(left, right, tolerance))
+            matching_reference.left_right_check(left, right, tolerance))
 
 
 def test_check_by_hand():
@@ -56,7 +56,7 @@ def test_forward_warp_is_the_naive_one():
     left = random_map(3)
     right = right_from_left(left)
     assert right.dtype == np.float32
-    np.testing.assert_array_equal(right, filter_reference.right_from_left(left))
+    np.testing.assert_array_equal(right, matching_reference.right_from_left(left))
 
 
 def test_the_nearer_surface_hides_the_farther_one():
