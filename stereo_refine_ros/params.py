@@ -120,6 +120,9 @@ class ProcessingParams:
     """Use of the machine."""
 
     threads: int = _integer(2, 1, 256, '-', 'threads used by the kernels and by OpenCV')
+    frames_in_flight: int = _integer(
+        2, 1, 2, '-', 'node: frames refined at a time; the second one begins, on half the '
+        'threads, while the first is not done')
     max_cells: float = _number(
         5.2, 0.001, 1e6, 'million', 'pixels times disparities; where there are more, rows are '
         'averaged before matching and refinement and restored after them')

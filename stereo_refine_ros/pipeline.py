@@ -58,8 +58,8 @@ class StereoRefiner:
         self.params = params
         keep_freed_memory()
 
-    def process(self, left: Image, right: Image | None,
-                preliminary: FloatMap | None = None) -> RefinementResult:
+    def process(self, left: Image, right: Image | None, preliminary: FloatMap | None = None,
+                threads: int | None = None) -> RefinementResult:
         """
         Compute the preliminary disparity of a rectified pair and refine it.
 
@@ -69,6 +69,8 @@ class StereoRefiner:
             `right` may be None when `preliminary` is given.
         preliminary : float32 ndarray of shape (H, W), optional
             Disparity of the left view in pixels, NaN invalid; replaces the matcher.
+        threads : int, optional
+            Instead of `processing.threads`; the result does not depend on it.
 
         Raises
         ------
@@ -82,16 +84,16 @@ class StereoRefiner:
             preliminary = _checked(preliminary, pair.shape)
         rows = rows_per_bin(
             pair.shape, self.params.matching.num_disparities, self.params.processing)
-        threads = self.params.processing.threads
+        threads = threads or self.params.processing.threads
         stage_ms: dict[str, float] = {}
         binned = bin_rows(pair, rows)
         # The segments need no disparity: they are found beside the matching.
         structure_task = start(threads, self._describe, binned.left, stage_ms)
         with _timed(stage_ms, 'matching'):
-            match = self._match(binned, preliminary, rows)
+            match = self._match(binned, preliminary, rows, threads)
         structure = structure_task.result()
         with _timed(stage_ms, 'planes'):
-            segments, projected = self._project(binned, match, structure)
+            segments, projected = self._project(binned, match, structure, threads)
             projected, segments = restore_rows(
                 projected, segments, binned.left, left, rows, threads)
             if preliminary is not None and rows > 1:
@@ -99,7 +101,7 @@ class StereoRefiner:
                 projected = (keep_agreeing(projected, preliminary) if segments.is_fitted.any()
                              else fill_from_background(preliminary))
         with _timed(stage_ms, 'filter'):
-            refined = self._filter(projected, left, segments)
+            refined = self._filter(projected, left, segments, threads)
         if preliminary is None:
             preliminary = repeat_rows(match.disparity.values, pair.shape[0], rows)
         return RefinementResult(
@@ -110,14 +112,15 @@ class StereoRefiner:
         with _timed(stage_ms, 'segmentation'):
             return describe_image(image, self.params.segmentation)
 
-    def _match(self, binned: StereoPair, preliminary: FloatMap | None, rows: int) -> Match:
+    def _match(self, binned: StereoPair, preliminary: FloatMap | None, rows: int, threads: int
+               ) -> Match:
         if preliminary is None:
-            return compute_match(binned, self.params.matching, self.params.processing.threads)
+            return compute_match(binned, self.params.matching, threads)
         return Match(self._map(bin_disparities(preliminary, rows)))
 
-    def _project(self, pair: StereoPair, match: Match, structure: ImageStructure,
+    def _project(self, pair: StereoPair, match: Match, structure: ImageStructure, threads: int
                  ) -> tuple[PlaneSegmentation, FloatMap]:
-        planes, threads = self.params.planes, self.params.processing.threads
+        planes = self.params.planes
         if planes.projection == 'off':
             return unfitted(structure.labels, structure.count), match.disparity.values
         if planes.projection == 'full':
@@ -127,11 +130,12 @@ class StereoRefiner:
             evidence = gather_evidence(pair, self.params.matching, threads)[0]
         return project_guarded(match, evidence, structure, planes, threads)
 
-    def _filter(self, values: FloatMap, left: Image, segments: PlaneSegmentation) -> FloatMap:
+    def _filter(self, values: FloatMap, left: Image, segments: PlaneSegmentation, threads: int
+                ) -> FloatMap:
         # A guarded map in which no plane found support stays as its matcher made it.
         if self.params.planes.projection == 'guarded' and not segments.is_fitted.any():
             return values
-        return apply_filter(values, left, self.params.filter, self.params.processing.threads)
+        return apply_filter(values, left, self.params.filter, threads)
 
     def _map(self, values: FloatMap) -> DisparityMap:
         matching = self.params.matching

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 import math
+import threading
 import time
 from typing import Any, Protocol
 
@@ -34,6 +35,7 @@ from stereo_refine_ros.node.ledger import Ledger
 from stereo_refine_ros.node.metrics_message import metrics_message
 from stereo_refine_ros.node.outputs import color_map, depth_map, image_message, point_cloud
 from stereo_refine_ros.node.plane_markers import large_planes, plane_markers
+from stereo_refine_ros.node.worker import FIRST, Turn
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.frame import measure_frame
@@ -99,7 +101,7 @@ class Surroundings:
 
 class FrameProcessor:
     """
-    Refine one frame after another, in one thread.
+    Refine frames, each in the thread that brings it, and publish them in their order.
 
     A refinement that raises costs its frame; after `FAILURES_BEFORE_FALLBACK` in a row the
     preliminary disparity goes out instead, marked in the metrics, until refining works again.
@@ -112,6 +114,7 @@ class FrameProcessor:
         self._make_refiner = make_refiner
         self._refiner: StereoRefiner | None = None
         self._failures = 0
+        self._counting = threading.Lock()
         self.last = FrameSummary()
 
     def warm_up(self, progress: Callable[[str], None] = lambda text: None) -> None:
@@ -128,11 +131,11 @@ class FrameProcessor:
             progress(f'kernels for {name} images ({number} of {len(pairs)})')
             decoded = DecodedFrame(
                 pair, None, preliminary=truth if _is_external(params) else None)
-            result = self._refine(decoded, params)
+            result = self._refine(decoded, params, params.processing.threads)
             measure_frame(result, pair, truth)
 
-    def process(self, frame: Frame) -> None:
-        """Take one checked frame to its end: published or refused."""
+    def process(self, frame: Frame, turn: Turn = FIRST) -> None:
+        """Take one checked frame to its end, published (when it is its turn) or refused."""
         try:
             decoded = decode_frame(frame)
         except BadMessage as error:
@@ -142,7 +145,10 @@ class FrameProcessor:
             self._around.warn('rescaled', 'preliminary/disparity differs in size from the left '
                               'image and is rescaled; publish both at one resolution')
         params = self._around.params()
-        result, is_degraded = self._refine_or_fall_back(decoded, params)
+        threads = params.processing.threads
+        result, is_degraded = self._refine_or_fall_back(
+            decoded, params, threads if turn.is_alone else max(1, threads // 2))
+        turn.wait()
         self._publish_disparity(frame, decoded, result, is_degraded)
         around = self._around
         counts = around.ledger.counts()
@@ -152,26 +158,29 @@ class FrameProcessor:
             'pairs_refused': sum(counts.refused.values()), 'degraded': int(is_degraded)}
         around.later(lambda: self._publish_rest(frame, decoded, result, figures))
 
-    def _refine_or_fall_back(self, decoded: DecodedFrame, params: Params
+    def _refine_or_fall_back(self, decoded: DecodedFrame, params: Params, threads: int
                              ) -> tuple[RefinementResult, bool]:
         try:
-            result = self._refine(decoded, params)
+            result = self._refine(decoded, params, threads)
         except Exception as error:
-            self._failures += 1
-            if self._failures < FAILURES_BEFORE_FALLBACK:
+            with self._counting:
+                self._failures += 1
+                failures = self._failures
+            if failures < FAILURES_BEFORE_FALLBACK:
                 raise
             self._around.on_error(error)
             return _unrefined(decoded, params), True
         self._failures = 0
         return result, False
 
-    def _refine(self, decoded: DecodedFrame, params: Params) -> RefinementResult:
+    def _refine(self, decoded: DecodedFrame, params: Params, threads: int) -> RefinementResult:
         params = _with_range(params, decoded.search_range)
-        if self._refiner is None or self._refiner.params != params:
+        refiner = self._refiner
+        if refiner is None or refiner.params != params:
             cv2.setNumThreads(params.processing.threads)
-            self._refiner = self._make_refiner(params)
-        return self._refiner.process(
-            decoded.pair.left, decoded.pair.right, decoded.preliminary)
+            refiner = self._refiner = self._make_refiner(params)
+        return refiner.process(
+            decoded.pair.left, decoded.pair.right, decoded.preliminary, threads)
 
     def _publish_disparity(self, frame: Frame, decoded: DecodedFrame,
                            result: RefinementResult, is_degraded: bool) -> None:

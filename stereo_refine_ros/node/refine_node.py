@@ -47,8 +47,8 @@ class RefineNode(Node):
     """
     Pair messages, hand the newest pair to the worker, say how things are once a second.
 
-    Callbacks run in one executor thread and never raise; the worker thread decodes, refines
-    and publishes. What they share is the newest-frame slot, the ledger and one immutable
+    Callbacks run in one executor thread and never raise; the worker threads decode, refine
+    and publish. What they share is the newest-frame slot, the ledger and one immutable
     `Params`, replaced as a whole.
     """
 
@@ -76,7 +76,8 @@ class RefineNode(Node):
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
         self._processor = FrameProcessor(self._surroundings())
         self._worker: Worker[Frame] = Worker(
-            self._prepare, self._processor.process, self._on_frame_error)
+            self._prepare, self._processor.process, self._on_frame_error,
+            lambda: self._settings.current.processing.frames_in_flight)
         self.create_timer(1.0, self._guarded(self._tick), clock=steady)
         self._worker.start()
 

@@ -16,7 +16,6 @@
 
 from dataclasses import dataclass, field
 import math
-import threading
 
 from harness import stereo_messages, textured_pair
 import numpy as np
@@ -28,7 +27,6 @@ from stereo_refine_ros.node.ledger import Counts, Ledger, Throttle
 from stereo_refine_ros.node.metrics_message import decimal
 from stereo_refine_ros.node.pairing import MessageSet
 from stereo_refine_ros.node.processing import FrameProcessor, Surroundings
-from stereo_refine_ros.node.worker import Afterwork, NewestSlot, Worker
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
 
@@ -190,48 +188,6 @@ def test_warm_up_publishes_nothing(method):
     rig = Rig(**{'matching.method': method})
     rig.processor.warm_up()
     assert rig.outlet.sent == [] and rig.ledger.counts() == Counts()
-
-
-def test_the_slot_keeps_the_newest():
-    slot = NewestSlot()
-    assert slot.put('a') is None
-    assert slot.put('b') == 'a'
-    assert slot.take() == 'b'
-    slot.close()
-    assert slot.take() is None
-
-
-def test_a_worker_goes_on_after_an_exception():
-    done, errors, served = threading.Event(), [], []
-
-    def process(item):
-        if item == 'bad':
-            raise ValueError('bad item')
-        served.append(item)
-        done.set()
-
-    def on_error(error):
-        errors.append(error)
-        done.set()
-
-    worker = Worker(lambda: None, process, on_error)
-    worker.start()
-    for item in ('bad', 'good'):
-        done.clear()
-        worker.submit(item)
-        assert done.wait(5)
-    assert worker.stop(5)
-    assert served == ['good'] and [str(e) for e in errors] == ['bad item']
-
-
-def test_afterwork_keeps_order_and_goes_on_after_an_exception():
-    done, errors, served = threading.Event(), [], []
-    afterwork = Afterwork(errors.append)
-    for number in range(5):
-        afterwork.submit(lambda number=number: served.append(10 // (number - 2)))
-    afterwork.submit(done.set)
-    assert done.wait(5)
-    assert served == [-5, -10, 10, 5] and isinstance(errors[0], ZeroDivisionError)
 
 
 def test_the_ledger_accounts_for_every_pair():
