@@ -29,6 +29,7 @@ import sys
 from external_maps import external_maps
 from stereo_refine_ros.datasets import list_scenes, load_scene
 from stereo_refine_ros.datasets.scene import Scene
+from stereo_refine_ros.evaluate import named_value
 from stereo_refine_ros.evaluation.progress import Progress
 from stereo_refine_ros.evaluation.runner import evaluate_scene, measure_stage, Plan, Row
 from stereo_refine_ros.evaluation.tables import (
@@ -67,8 +68,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     names = args.scenes or list_scenes(args.data)
     filters = (args.filter,) if args.filter else ()
     projections = (args.projection,) if args.projection else ()
-    plans = {seed: Plan(args.preset, {'planes.seed': seed}, args.matching, filters, projections,
-                        repeat=1) for seed in args.seeds}
+    plans = {seed: Plan(args.preset, {**dict(args.parameters), 'planes.seed': seed},
+                        args.matching, filters, projections, repeat=1) for seed in args.seeds}
     scenes = [load_scene(name, args.data) for name in names]
     entries: dict[int, list[Entry]] = {seed: [] for seed in plans}
     with Progress() as progress:
@@ -204,6 +205,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--projection', choices=PROJECTIONS, help="default: the preset's")
     parser.add_argument('--seeds', type=lambda text: [int(part) for part in text.split(',')],
                         default=[0], help='comma-separated seeds of the plane hypotheses')
+    parser.add_argument('-p', dest='parameters', type=named_value, action='append', default=[],
+                        metavar='NAME=VALUE', help='a parameter by its dotted name; repeatable')
     parser.add_argument('--external', action='store_true',
                         help='refine disturbed external maps too')
     parser.add_argument('--check', action='store_true',

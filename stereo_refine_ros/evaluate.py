@@ -132,7 +132,7 @@ def _parser() -> argparse.ArgumentParser:
                         help=f'of {", ".join(FILTERS)}; default: the preset\'s')
     parser.add_argument('--projection', type=_names, default=(), metavar='p1,p2',
                         help=f'of {", ".join(PROJECTIONS)}; default: the preset\'s')
-    parser.add_argument('-p', dest='parameters', type=_parameter, action='append', default=[],
+    parser.add_argument('-p', dest='parameters', type=named_value, action='append', default=[],
                         metavar='NAME=VALUE', help='a parameter by its dotted name; repeatable')
     parser.add_argument('--repeat', type=_count, default=3, metavar='N',
                         help='runs of each combination, times are medians (default 3)')
@@ -162,7 +162,8 @@ def _count(text: str) -> int:
     return number
 
 
-def _parameter(text: str) -> tuple[str, Any]:
+def named_value(text: str) -> tuple[str, Any]:
+    """Split NAME=VALUE of a command line, the value read as YAML."""
     name, equals, value = text.partition('=')
     if not equals:
         raise argparse.ArgumentTypeError(f'{text!r} is not NAME=VALUE')
