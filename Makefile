@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 CONTRIB_VENV := .venv-contrib
 OLDEST_VENV := .venv-oldest
+AUDIT_VENV := .venv-audit
 OLDEST_PYTHON ?= $(firstword $(foreach v,3.12 3.11 3.10,$(shell python$(v) -c 'import venv' 2>/dev/null && echo python$(v))) $(PYTHON))
 
 ROS := $(if $(ROS_DISTRO),$(shell $(PYTHON) -c 'import rclpy' 2>/dev/null && echo sourced))
@@ -28,7 +29,7 @@ KERNEL_TESTS := $(wildcard test/matching test/refinement test/quality)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help demo test test-oldest coverage lint bench bench-live bench-two-hosts soak fuzz tables lock clean
+.PHONY: help demo test test-oldest coverage lint audit bench bench-live bench-two-hosts soak fuzz tables lock clean
 
 help:
 	@echo 'make demo        live node, replayed stereo pair, pictures in demo_output/'
@@ -36,6 +37,7 @@ help:
 	@echo 'make test-oldest the core against the oldest supported dependencies'
 	@echo 'make coverage    lines of the package that the tests run, at least 95 %'
 	@echo 'make lint        ruff, import order, mypy'
+	@echo 'make audit       known vulnerabilities of the locked dependencies (asks the network)'
 	@echo 'make bench       speed and error beside OpenCV, docs/speed.svg'
 	@echo 'make bench-live  camera and node over DDS: rate, latency, drops, memory'
 	@echo 'make soak        camera and node over DDS with faults, SOAK_SECONDS=1800; every pair accounted for'
@@ -68,6 +70,12 @@ lint: $(LINT_STAMP)
 	$(BIN)/python -m flake8 --select I --extend-ignore I202 --import-order-style google \
 		stereo_refine_ros test benchmarks scripts launch setup.py
 	$(BIN)/python -m mypy
+
+audit:
+	test -x $(AUDIT_VENV)/bin/python || $(PYTHON) -m venv $(AUDIT_VENV)
+	$(AUDIT_VENV)/bin/python -m pip --disable-pip-version-check install --quiet pip-audit==2.10.1
+	$(AUDIT_VENV)/bin/pip-audit --no-deps --disable-pip \
+		$(foreach lock,runtime ros dev lint,-r requirements/$(lock).txt)
 
 bench: $(TEST_STAMP) $(CONTRIB_VENV)/.installed
 	$(BIN)/python benchmarks/speed.py --contrib-python $(CONTRIB_VENV)/bin/python \
@@ -132,5 +140,5 @@ lock:
 	$(COMPILE) requirements/contrib.in -o requirements/contrib.txt
 
 clean:
-	rm -rf $(VENV) $(CONTRIB_VENV) $(OLDEST_VENV) build install log demo_output *.egg-info \
+	rm -rf $(VENV) $(CONTRIB_VENV) $(OLDEST_VENV) $(AUDIT_VENV) build install log demo_output *.egg-info \
 		.pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage*

@@ -28,7 +28,8 @@ from functools import lru_cache
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 # The largest that glibc takes; arrays above it come from the system in huge pages.
 _LARGEST_KEPT = 32 << 20
-_KEPT_IN_ALL = 128 << 20
+# At the end of each of glibc's arenas.
+_KEPT = 128 << 20
 
 
 @lru_cache(maxsize=None)
@@ -46,4 +47,4 @@ def keep_freed_memory() -> bool:
     if mallopt is None:
         return False
     return bool(mallopt(_MMAP_THRESHOLD, _LARGEST_KEPT)
-                and mallopt(_TRIM_THRESHOLD, _KEPT_IN_ALL))
+                and mallopt(_TRIM_THRESHOLD, _KEPT))

@@ -85,8 +85,8 @@ class PlaneParams:
         'full: every pixel of a fitted segment takes its plane (the paper); '
         'guarded: a pixel moves only where the evidence says so; off: planes change nothing')
     spread: bool = _flag(
-        False, 'start from disparities that matched pixels spread along like colours, not from '
-        'disparities filled from the background')
+        False, 'scanline: start from disparities that matched pixels spread along like colours, '
+        'not from disparities filled from the background')
     iterations: int = _integer(20, 1, 10000, '-', 'RANSAC hypotheses per segment')
     inlier_threshold: float = _number(1.0, 0.01, 100.0, 'px', 'largest residual of an inlier')
     min_inlier_ratio: float = _number(0.5, 0.0, 1.0, 'ratio', 'planes with fewer inliers fail')
@@ -121,8 +121,8 @@ class ProcessingParams:
 
     threads: int = _integer(2, 1, 256, '-', 'threads used by the kernels and by OpenCV')
     frames_in_flight: int = _integer(
-        2, 1, 2, '-', 'node: frames refined at a time; the second one begins, on half the '
-        'threads, while the first is not done')
+        2, 1, 2, '-', 'node: frames refined at a time, at most one a thread; the second begins, '
+        'on half the threads, while the first is not done')
     max_cells: float = _number(
         5.2, 0.001, 1e6, 'million', 'pixels times disparities; where there are more, rows are '
         'averaged before matching and refinement and restored after them')

@@ -97,9 +97,8 @@ class StereoRefiner:
             projected, segments = restore_rows(
                 projected, segments, binned.left, left, rows, threads)
             if preliminary is not None and rows > 1:
-                # Without any plane the map stays, and only its holes are filled.
                 projected = (keep_agreeing(projected, preliminary) if segments.is_fitted.any()
-                             else fill_from_background(preliminary))
+                             else self._without_planes(preliminary))
         with _timed(stage_ms, 'filter'):
             refined = self._filter(projected, left, segments, threads)
         if preliminary is None:
@@ -129,6 +128,11 @@ class StereoRefiner:
         if evidence is None and pair.right is not None:
             evidence = gather_evidence(pair, self.params.matching, threads)[0]
         return project_guarded(match, evidence, structure, planes, threads)
+
+    def _without_planes(self, preliminary: FloatMap) -> FloatMap:
+        """Keep an external map as it came; `guarded` fills its holes all the same."""
+        is_filled = self.params.planes.projection == 'guarded'
+        return fill_from_background(preliminary) if is_filled else preliminary
 
     def _filter(self, values: FloatMap, left: Image, segments: PlaneSegmentation, threads: int
                 ) -> FloatMap:

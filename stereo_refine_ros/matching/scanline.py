@@ -69,7 +69,7 @@ def gather_evidence(pair: StereoPair, params: MatchingParams, threads: int = 1,
     -------
     evidence : Evidence
     winners, subpixel : float32 ndarray of shape (H, W)
-        Index of the best disparity of the left view, and the same with its parabola offset.
+        Index of the best disparity of the left view, and the same with its sub-pixel offset.
 
     """
     height, width = pair.shape

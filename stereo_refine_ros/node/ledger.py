@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Counters that account for every pair exactly once, safe to use from two threads."""
+"""Counters that account for every pair exactly once, safe to use from several threads."""
 
 from __future__ import annotations
 

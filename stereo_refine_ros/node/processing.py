@@ -169,8 +169,9 @@ class FrameProcessor:
             if failures < FAILURES_BEFORE_FALLBACK:
                 raise
             self._around.on_error(error)
-            return _unrefined(decoded, params), True
-        self._failures = 0
+            return _unrefined(decoded, params, threads), True
+        with self._counting:
+            self._failures = 0
         return result, False
 
     def _refine(self, decoded: DecodedFrame, params: Params, threads: int) -> RefinementResult:
@@ -256,7 +257,7 @@ def _with_range(params: Params, search_range: tuple[int, int] | None) -> Params:
         return params
 
 
-def _unrefined(decoded: DecodedFrame, params: Params) -> RefinementResult:
+def _unrefined(decoded: DecodedFrame, params: Params, threads: int) -> RefinementResult:
     """Stand in for a refinement that fails: the preliminary disparity alone."""
     params = _with_range(params, decoded.search_range)
     matching = params.matching
@@ -266,7 +267,7 @@ def _unrefined(decoded: DecodedFrame, params: Params) -> RefinementResult:
             decoded.preliminary, matching.min_disparity, matching.num_disparities)
     else:
         disparity = compute_match(
-            decoded.pair, matching, params.processing.threads).disparity
+            decoded.pair, matching, threads).disparity
     stage_ms = dict.fromkeys(_STAGES, 0.0)
     stage_ms['matching'] = (time.perf_counter() - start) * 1e3
     segments = unfitted(np.zeros(decoded.pair.shape, np.int32), 1)

@@ -77,7 +77,7 @@ class RefineNode(Node):
         self._processor = FrameProcessor(self._surroundings())
         self._worker: Worker[Frame] = Worker(
             self._prepare, self._processor.process, self._on_frame_error,
-            lambda: self._settings.current.processing.frames_in_flight)
+            self._in_flight)
         self.create_timer(1.0, self._guarded(self._tick), clock=steady)
         self._worker.start()
 
@@ -94,6 +94,10 @@ class RefineNode(Node):
             on_error=self._on_error, warn=self._warn,
             later=Afterwork(self._on_error).submit,
             name=f'{self.get_fully_qualified_name()}: metrics')
+
+    def _in_flight(self) -> int:
+        processing = self._settings.current.processing
+        return min(processing.frames_in_flight, processing.threads)
 
     def _prepare(self) -> None:
         self.get_logger().info('compiling, half a minute at the first start, cached after it')

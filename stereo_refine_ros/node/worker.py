@@ -135,7 +135,8 @@ class Worker(Generic[Item]):
     on_error : callable of an exception
         Told what `prepare` or `process` raised; the thread goes on with the next item.
     limit : callable
-        Returns how many items may be processed at a time, up to MOST_IN_FLIGHT.
+        Returns how many items may be processed at a time, up to MOST_IN_FLIGHT; asked before an
+        item is waited for, so a change shows from the next one on.
 
     """
 
@@ -177,13 +178,17 @@ class Worker(Generic[Item]):
 
     def _run(self, number: int) -> None:
         if number == 0:
-            self._guarded(self._prepare)
-            self._prepared.set()
+            try:
+                self._guarded(self._prepare)
+            finally:
+                self._prepared.set()
         self._prepared.wait()
         while (taken := self._take()) is not None:
             item, ticket, turn = taken
-            self._guarded(self._process, item, turn)
-            self._order.finish(ticket)
+            try:
+                self._guarded(self._process, item, turn)
+            finally:  # even where `on_error` raises: the other thread waits for this
+                self._order.finish(ticket)
 
     def _take(self) -> tuple[Item, int, Turn] | None:
         """Wait for room and for an item, one thread at a time, so that tickets keep the order."""

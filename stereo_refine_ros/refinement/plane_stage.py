@@ -15,7 +15,7 @@
 """
 The plane stage: fit, share, select and project.
 
-`refine_with_planes` is the heart of the package: from a preliminary disparity with holes to a
+`project_guarded` is the heart of the package: from a preliminary disparity with holes to a
 dense one whose every change has evidence in the images.
 """
 
@@ -39,12 +39,12 @@ from stereo_refine_ros.refinement.regions import ImageStructure
 from stereo_refine_ros.refinement.spreading import spread_disparities
 from stereo_refine_ros.types import FloatMap, LabelMap, PlaneSegmentation
 
-# Fit data farther than this from the current map are outliers of the matcher.
+# Fit data farther than this from the map to begin with are outliers of the matcher,
 _FIT_REACH = 2.0
-# A whole disparity that was kept takes the sub-pixel one of its match or its plane, within:
-_DATA_REACH, _PLANE_REACH = 0.6, 1.0
 # ... and farther than this from what the right view saw there are not its match.
 _CONFIRMED_REACH = 1.5
+# What was chosen takes the sub-pixel disparity of its match, else of its plane, within:
+_DATA_REACH, _PLANE_REACH = 0.6, 1.0
 # A map of which less than this share is confirmed belongs to other images, or another
 # calibration: its holes are filled, and nothing else is changed.
 _BELONGS = 0.3
@@ -135,7 +135,7 @@ def _spread(match: Match, structure: ImageStructure, threads: int) -> FloatMap:
 
 
 def _with_subpixel(chosen: FloatMap, data: FloatMap, planes: FloatMap) -> FloatMap:
-    """Put the sub-pixel disparity of the match, else of the plane, where a whole one was kept."""
+    """Put the sub-pixel disparity of the match where it is near, else that of the plane."""
     near_plane = np.where(np.abs(planes - chosen) <= _PLANE_REACH, planes, chosen)
     return np.where(np.abs(data - chosen) <= _DATA_REACH, data, near_plane)
 

@@ -69,7 +69,7 @@ def choose_candidates(proposed: FloatMap, begin: FloatMap, is_given: NDArray[np.
     begin : float32 ndarray of shape (H, W)
         A dense map; it stays where nothing tells the two apart.
     is_given : bool ndarray of shape (H, W)
-        Pixels where `begin` holds what a matcher said, not what filled a hole.
+        Pixels that a matcher had a disparity for; elsewhere `begin` fills a hole.
     evidence : Evidence
         Of the image pair.
     weights : uint8 ndarray of shape (H, W, 2)

@@ -21,6 +21,8 @@ no sorting and no histogram, and the compiler turns every loop into vector instr
 
 from __future__ import annotations
 
+import math
+
 from numba import njit
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +78,7 @@ def weighted_median(values: FloatMap, guide: Image, radius: int, sigma_color: fl
     low, high = float(values[valid].min()), float(values[valid].max())
     step = max(_STEP, (high - low) / 32000.0)
     # Whole disparities are on the grid of steps, and stay whole.
-    low = np.floor(low / step) * step
+    low = math.floor(low / step) * step
     levels = np.where(valid, np.rint((values - low) / step), -1).astype(np.int16)
     taps, factors = _taps(radius, sigma_space)
     run_bands(_median_kernel, values.shape[0], threads, np.pad(levels, radius, constant_values=-1),
@@ -174,7 +176,8 @@ def _bisect(y, x, levels, taps, weights, medians):
     while bit > 1:
         bit //= 2
         for i in range(count):
-            pivot[i] = np.int16(medians[i] + bit)
+            # Levels end at 32001, so a pivot cut off here is never below the median.
+            pivot[i] = np.int16(min(medians[i] + bit, 32767))
         _weight_below(y, x, levels, taps, weights, pivot, below)
         for i in range(count):
             medians[i] = pivot[i] if below[i] <= half[i] else medians[i]

@@ -52,6 +52,13 @@ def test_a_worker_goes_on_after_an_exception():
     assert served == ['good'] and [str(e) for e in errors] == ['bad item']
 
 
+def until(condition):
+    end = time.monotonic() + 5
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
 class Stage:
     """Items that are processed until they are let go, and what became of them."""
 
@@ -70,9 +77,13 @@ class Stage:
         turn.wait()
         self.ended.append(item)
 
-    def submit(self, item):
+    def submit(self, item, begins=True):
+        """Submit an item; wait until it is begun, or for long enough to see that it is not."""
         replaced = self.worker.submit(item)
-        time.sleep(0.05)
+        if begins:
+            until(lambda: item in self.begun)
+        else:
+            time.sleep(0.05)
         return replaced
 
 
@@ -81,13 +92,14 @@ def test_two_items_in_flight_end_in_the_order_in_which_they_came():
     assert stage.submit('a') is None and stage.submit('c') is None
     assert stage.begun == ['a', 'c'] and stage.alone == {'a': True, 'c': False}
     # There is no room for a third: it waits in the slot, and a newer one replaces it.
-    assert stage.submit('b') is None and stage.submit('d') == 'b'
+    assert stage.submit('b', begins=False) is None
+    assert stage.submit('d', begins=False) == 'b'
     stage.gates['c'].set()
     time.sleep(0.05)
     assert stage.ended == [] and stage.begun == ['a', 'c']
     stage.gates['a'].set()
     stage.gates['d'].set()
-    time.sleep(0.1)
+    until(lambda: len(stage.ended) == 3)
     assert stage.ended == ['a', 'c', 'd']
     assert stage.worker.stop(5)
 
@@ -100,19 +112,18 @@ def test_an_item_that_fails_holds_nobody_up():
     time.sleep(0.05)
     assert stage.ended == []
     stage.gates['b'].set()
-    time.sleep(0.1)
-    assert stage.ended == ['c']
+    until(lambda: stage.ended == ['c'])
     assert stage.worker.stop(5)
 
 
 def test_one_at_a_time_where_that_is_the_limit():
     stage = Stage(1)
     stage.submit('a')
-    stage.submit('c')
+    stage.submit('c', begins=False)
     assert stage.begun == ['a']
     stage.gates['a'].set()
-    time.sleep(0.1)
-    assert stage.begun == ['a', 'c'] and stage.alone['c']
+    until(lambda: stage.begun == ['a', 'c'])
+    assert stage.alone['c']
     stage.gates['c'].set()
     assert stage.worker.stop(5)
 

@@ -166,3 +166,11 @@ def test_whole_disparities_stay_whole_under_the_weighted_median():
     guide = generator.integers(80, 140, (12, 14), dtype=np.uint8)
     result = run('weighted_median', values, guide)[2:, 2:]
     np.testing.assert_array_equal(result, np.rint(result))
+
+
+def test_the_weighted_median_holds_over_its_whole_range():
+    values = np.full((6, 5), 1990, np.float32)
+    values[0, 0], values[:, 2] = 0, 700
+    result = weighted_median(values, np.zeros((6, 5), np.uint8), 1, np.inf, np.inf)
+    assert set(np.rint(result).reshape(-1).tolist()) <= {0.0, 700.0, 1990.0}
+    assert np.all(result[2:, 3:] == 1990) and np.all(result[2:, 0] == 1990)

@@ -17,7 +17,8 @@
 import numpy as np
 import pytest
 
-from stereo_refine_ros.params import ProcessingParams
+from stereo_refine_ros.params import load_preset, ProcessingParams
+from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.refinement.row_binning import (
     bin_disparities, bin_rows, keep_agreeing, repeat_rows, restore_rows, rows_per_bin)
 from stereo_refine_ros.types import PlaneSegmentation, StereoPair
@@ -156,3 +157,17 @@ def test_bands_do_not_change_what_comes_back(threads):
     again, segments_again = restore_rows(values, segments, binned, image, 2, threads)
     np.testing.assert_array_equal(again, once)
     np.testing.assert_array_equal(segments_again.labels, segments_once.labels)
+
+
+@pytest.mark.parametrize('projection', ['full', 'guarded', 'off'])
+def test_an_external_map_without_planes_is_the_same_on_averaged_rows(projection):
+    views = np.random.default_rng(0).integers(0, 256, (2, 40, 60, 3), dtype=np.uint8)
+    external = np.full((40, 60), np.nan, np.float32)
+    external[20, 30] = 9.5
+    answers = [
+        StereoRefiner(load_preset('live', {
+            'matching.num_disparities': 16, 'planes.projection': projection,
+            'processing.max_cells': cells, 'processing.min_rows': 10}),
+        ).process(*views, external).disparity.values for cells in (1000.0, 0.01)]
+    np.testing.assert_array_equal(answers[0], 9.5 if projection == 'guarded' else external)
+    np.testing.assert_array_equal(answers[1], answers[0])
