@@ -177,7 +177,7 @@ def _bisect(y, x, levels, taps, weights, medians):
         bit //= 2
         for i in range(count):
             # Levels end at 32001, so a pivot cut off here is never below the median.
-            pivot[i] = np.int16(min(medians[i] + bit, 32767))
+            pivot[i] = np.int16(min(np.int32(medians[i]) + np.int32(bit), np.int32(32767)))
         _weight_below(y, x, levels, taps, weights, pivot, below)
         for i in range(count):
             medians[i] = pivot[i] if below[i] <= half[i] else medians[i]
