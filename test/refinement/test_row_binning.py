@@ -168,7 +168,7 @@ def test_an_external_map_without_planes_is_the_same_on_averaged_rows(projection)
     for cells in (1000.0, 0.01):
         refiner = StereoRefiner(load_preset('live', {
             'matching.num_disparities': 16, 'planes.projection': projection,
-            'processing.max_cells': cells, 'processing.min_rows': 10}))
+            'processing.max_cells': cells, 'processing.min_rows': 10, 'processing.threads': 1}))
         # Unsigned scalars may wrap round where the kernels run as plain Python.
         with np.errstate(over='ignore'):
             answers.append(refiner.process(*views, external).disparity.values)
