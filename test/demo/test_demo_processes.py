@@ -57,5 +57,5 @@ def test_processes_end_with_the_context(tmp_path):
         running.check()
         # Once it listens to signals: before that SIGINT is Python's own.
         with pytest.raises(processes.subprocess.TimeoutExpired):
-            process.wait(2.0)
+            process.wait(5.0)
     assert process.returncode in (0, -signal.SIGINT)
