@@ -22,6 +22,9 @@ and K = 2 directions (right, down) for 4 neighbours or K = 4 (also down-right, d
 
 from __future__ import annotations
 
+from functools import reduce
+
+import cv2
 from numba import njit
 import numpy as np
 from numpy.typing import NDArray
@@ -59,9 +62,19 @@ def edge_weights(image: Image, directions: int = 2) -> NDArray[np.uint8]:
     if directions not in (2, 4):
         raise ValueError(f'directions: expected 2 or 4, got {directions}')
     height, width = image.shape[:2]
-    weights = np.empty((height, width, directions), np.uint8)
-    _weights_kernel(image.reshape(height, width, -1), _STEPS[:directions], weights)
+    weights = np.zeros((height, width, directions), np.uint8)
+    for k, (down, right) in enumerate(_STEPS[:directions].tolist()):
+        if height > down and width > abs(right):
+            left, stop = max(0, -right), width - max(0, right)
+            change = cv2.absdiff(
+                image[:height - down, left:stop], image[down:, left + right:stop + right])
+            weights[:height - down, left:stop, k] = largest_channel(change)
     return weights
+
+
+def largest_channel(image: Image) -> NDArray[np.uint8]:
+    """Return the largest channel of every pixel, uint8 of shape (H, W)."""
+    return reduce(cv2.max, cv2.split(image))
 
 
 def sort_edges(weights: NDArray[np.uint8], codes: IndexArray | None = None) -> IndexArray:
@@ -100,24 +113,6 @@ def count_edges(height: int, width: int, directions: int = 2) -> int:
 @njit(cache=True, nogil=True)
 def _is_inside(y: int, x: int, height: int, width: int) -> bool:
     return 0 <= x < width and y < height
-
-
-@njit(cache=True, nogil=True)
-def _weights_kernel(image, steps, weights):
-    height, width, channels = image.shape
-    for y in range(height):
-        for x in range(width):
-            for k in range(steps.shape[0]):
-                ny, nx = y + steps[k, 0], x + steps[k, 1]
-                weights[y, x, k] = 0
-                if not _is_inside(ny, nx, height, width):
-                    continue
-                largest = np.int32(0)
-                for c in range(channels):
-                    # Unsigned differences wrap round.
-                    difference = abs(np.int32(image[y, x, c]) - np.int32(image[ny, nx, c]))
-                    largest = max(largest, difference)
-                weights[y, x, k] = largest
 
 
 @njit(cache=True, nogil=True)

@@ -16,8 +16,6 @@
 
 from __future__ import annotations
 
-from functools import reduce
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -132,8 +130,9 @@ def _flat(image: Image, axis: int) -> NDArray[np.uint8]:
     flat = np.full((height + 1 - axis, width + axis), 255, np.uint8)
     if image.shape[axis] > 1:
         ends = (image[:, 1:], image[:, :-1]) if axis else (image[1:], image[:-1])
-        largest = reduce(cv2.max, cv2.split(cv2.absdiff(*ends)))
-        flat[1 - axis:height, axis:width] = np.where(largest < _EDGE_THRESHOLD, 255, 0)
+        channels = 1 if image.ndim == 2 else image.shape[2]
+        flat[1 - axis:height, axis:width] = cv2.inRange(
+            cv2.absdiff(*ends), (0,) * channels, (_EDGE_THRESHOLD - 1,) * channels)
     return flat
 
 
@@ -144,5 +143,7 @@ def _mirrored(flags: NDArray[np.uint8], min_disparity: int, depth: int) -> NDArr
     ahead = int(np.count_nonzero(columns >= width))
     behind = int(np.count_nonzero(columns < 0))
     seen = columns[ahead:len(columns) - behind]
-    inside = flags[:, seen[-1]:seen[0] + 1][:, ::-1] if len(seen) else flags[:, :0]
-    return np.pad(inside, ((0, 0), (ahead, behind)), mode='constant', constant_values=255)
+    mirrored = np.full((flags.shape[0], len(columns)), 255, np.uint8)
+    if len(seen):
+        mirrored[:, ahead:ahead + len(seen)] = flags[:, seen[-1]:seen[0] + 1][:, ::-1]
+    return mirrored

@@ -45,11 +45,13 @@ def _step(before, least, cost, flat, limits, after, total, depth):
     then the same of P2.
     """
     lowest = WALL
+    small_least, small_rise, large_rise = limits[0], limits[1], limits[3]
+    large_least = np.uint8(limits[2] + least)
     for i in range(cost.shape[0]):
-        small = np.uint8(limits[0] + np.uint8(flat[i] & limits[1]))
-        large = np.uint8(limits[2] + np.uint8(flat[i] & limits[3]))
+        small = np.uint8(small_least + np.uint8(flat[i] & small_rise))
+        large = np.uint8(large_least + np.uint8(flat[i] & large_rise))
         best = min(before[i + 1], np.uint8(min(before[i], before[i + 2]) + small))
-        best = min(best, np.uint8(least + large))
+        best = min(best, large)
         value = np.uint8(cost[i] + np.uint8(best - least))
         after[i + 1] = value
         total[i] = np.int16(total[i] + np.int16(value))

@@ -93,21 +93,12 @@ def fit_planes(lists: PixelLists, data: FloatMap, params: PlaneParams,
 @njit(cache=True, nogil=True)
 def _fit_kernel(start, stop, pixels, starts, data, iterations, threshold, seed,
                 planes, inlier_ratio, data_count, moments):
-    width = data.shape[1]
-    flat = data.reshape(-1)
     for label in range(start, stop):
-        points = np.empty((starts[label + 1] - starts[label], 3), np.float32)
-        found = 0
-        for i in range(starts[label], starts[label + 1]):
-            if np.isfinite(flat[pixels[i]]):
-                points[found, 0] = pixels[i] % width
-                points[found, 1] = pixels[i] // width
-                points[found, 2] = flat[pixels[i]]
-                found += 1
+        points = _points_of(pixels[starts[label]:starts[label + 1]], data)
+        found = points.shape[1]
         data_count[label] = found
         if found < 3:
             continue
-        points = points[:found]
         plane = _best_hypothesis(points, iterations, threshold, np.uint64(seed) + label)
         for _ in range(_REFITS):
             sums = _inlier_moments(points, plane, threshold)
@@ -119,6 +110,23 @@ def _fit_kernel(start, stop, pixels, starts, data, iterations, threshold, seed,
         planes[label, 3], planes[label, 4] = _inlier_range(points, plane, threshold)
         inlier_ratio[label] = sums[0] / found
         moments[label] = sums
+
+
+@njit(cache=True, nogil=True)
+def _points_of(members, data):
+    """Return x, y and d of the pixels with data, float32 of shape (3, n)."""
+    width = data.shape[1]
+    points = np.empty((3, members.shape[0]), np.float32)
+    found = 0
+    y = members[0] // width
+    for pixel in members:
+        while pixel >= (y + 1) * width:  # in raster order, so that few rows need no division
+            y += 1
+        x = pixel - y * width
+        if np.isfinite(data[y, x]):
+            points[0, found], points[1, found], points[2, found] = x, y, data[y, x]
+            found += 1
+    return np.ascontiguousarray(points[:, :found])
 
 
 @njit(cache=True, nogil=True)
@@ -140,14 +148,14 @@ def _draw(state, count):
 @njit(cache=True, nogil=True)
 def _sample(points):
     """Return x, y and d of one point out of every n, at most _SCORED in all."""
-    total = points.shape[0]
+    total = points.shape[1]
     step = -(-total // _SCORED)
     sample = np.empty((3, -(-total // step)), np.float32)
     for i in range(sample.shape[1]):
         # Always the first of n would be one column of the image where n is a segment's width;
         # multiples of the golden ratio are spread evenly.
         which = int(i * 0.6180339887498949 % 1.0 * step)
-        sample[:, i] = points[min(i * step + which, total - 1)]
+        sample[:, i] = points[:, min(i * step + which, total - 1)]
     return sample[0], sample[1], sample[2]
 
 
@@ -193,24 +201,26 @@ def _msac_score(xs, ys, ds, a, b, c, limit):
     return score
 
 
-@njit(cache=True, nogil=True)
+# The order of these sums is free as well.
+@njit(cache=True, nogil=True, fastmath={'reassoc'})
 def _inlier_moments(points, plane, threshold):
-    sums = np.zeros(10)
+    """Sum over the inliers 1, x, y, d, xx, xy, yy, xd, yd, dd."""
     a, b, c = plane
-    for i in range(points.shape[0]):
-        x, y, d = np.float64(points[i, 0]), np.float64(points[i, 1]), np.float64(points[i, 2])
-        if abs(d - (a * x + b * y + c)) <= threshold:
-            sums[0] += 1
-            sums[1] += x
-            sums[2] += y
-            sums[3] += d
-            sums[4] += x * x
-            sums[5] += x * y
-            sums[6] += y * y
-            sums[7] += x * d
-            sums[8] += y * d
-            sums[9] += d * d
-    return sums
+    n, sx, sy, sd, sxx, sxy, syy, sxd, syd, sdd = 0., 0., 0., 0., 0., 0., 0., 0., 0., 0.
+    for i in range(points.shape[1]):
+        x, y, d = np.float64(points[0, i]), np.float64(points[1, i]), np.float64(points[2, i])
+        inside = 1.0 if abs(d - (a * x + b * y + c)) <= threshold else 0.0
+        n += inside
+        sx += inside * x
+        sy += inside * y
+        sd += inside * d
+        sxx += inside * x * x
+        sxy += inside * x * y
+        syy += inside * y * y
+        sxd += inside * x * d
+        syd += inside * y * d
+        sdd += inside * d * d
+    return np.array([n, sx, sy, sd, sxx, sxy, syy, sxd, syd, sdd])
 
 
 @njit(cache=True, nogil=True)
@@ -218,8 +228,8 @@ def _inlier_range(points, plane, threshold):
     """Least and largest disparity within the threshold of a plane."""
     a, b, c = plane
     low, high = np.inf, -np.inf
-    for i in range(points.shape[0]):
-        x, y, d = np.float64(points[i, 0]), np.float64(points[i, 1]), np.float64(points[i, 2])
+    for i in range(points.shape[1]):
+        x, y, d = np.float64(points[0, i]), np.float64(points[1, i]), np.float64(points[2, i])
         if abs(d - (a * x + b * y + c)) <= threshold:
             low = min(low, d)
             high = max(high, d)

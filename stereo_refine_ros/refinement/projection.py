@@ -111,31 +111,27 @@ def _gain_kernel(start, stop, proposed, other, is_given, evidence, inertia, gain
     for y in range(start, stop):
         for x in range(proposed.shape[1]):
             gain[y, x] = 0
-            if abs(proposed[y, x] - other[y, x]) >= ALIKE:
-                blind_guess = 0.0 if is_given[y, x] else _BLIND_GUESS
-                kept = _candidate_cost(y, x, other[y, x], evidence, blind_guess)
-                gain[y, x] = _candidate_cost(y, x, proposed[y, x], evidence, 0.0) - kept
-                if (is_given[y, x] and kept < _UNCONTESTED
-                        and not _is_hidden(y, x, other[y, x], evidence)):
-                    gain[y, x] += inertia
+            if not abs(proposed[y, x] - other[y, x]) >= ALIKE:  # also where they are NaN
+                continue
+            kept, is_visible = _candidate_cost(y, x, other[y, x], evidence)
+            cost, _ = _candidate_cost(y, x, proposed[y, x], evidence)
+            if not is_given[y, x]:
+                kept += 0.0 if is_visible else _BLIND_GUESS
+            elif is_visible and kept < _UNCONTESTED:
+                cost += inertia
+            gain[y, x] = cost - kept
 
 
 @njit(cache=True, nogil=True)
-def _is_hidden(y, x, d, evidence):
-    """Tell whether a disparity is out of the right view, or behind what that view shows."""
-    right, min_disparity = evidence[2], evidence[3]
+def _candidate_cost(y, x, d, evidence):
+    """Return the cost of a disparity, and whether the right view can show it at all."""
+    total, least, right, min_disparity, depth, unit = evidence
     partner = int(np.floor(x - d + 0.5))
     if partner < 0 or partner >= right.shape[1]:
-        return True
-    return right[y, partner] >= 0 and right[y, partner] + min_disparity > d + 1
-
-
-@njit(cache=True, nogil=True)
-def _candidate_cost(y, x, d, evidence, blind_guess):
-    if _is_hidden(y, x, d, evidence):
-        return _INVISIBLE + blind_guess
-    total, least, right, min_disparity, depth, unit = evidence
-    seen = right[y, int(np.floor(x - d + 0.5))]
+        return _INVISIBLE, False
+    seen = right[y, partner]
+    if seen >= 0 and seen + min_disparity > d + 1:
+        return _INVISIBLE, False  # behind what the right view shows
     index = min(max(d - min_disparity, 0.0), depth - 1.0)
     low = int(index)
     rest = index - low
@@ -144,4 +140,4 @@ def _candidate_cost(y, x, d, evidence, blind_guess):
     cost = min(excess / unit, _LARGEST_COST)
     if seen >= 0 and seen + min_disparity < d - 1:
         cost += _TRANSPARENT
-    return cost
+    return cost, True

@@ -107,9 +107,9 @@ def keep_agreeing(restored: FloatMap, preliminary: FloatMap) -> FloatMap:
 
 
 def _bin_image(image: Image, rows: int) -> Image:
-    padded = cv2.copyMakeBorder(image, 0, -len(image) % rows, 0, 0, cv2.BORDER_REPLICATE)
-    size = (padded.shape[1], padded.shape[0] // rows)
-    return cv2.resize(padded, size, interpolation=cv2.INTER_AREA)
+    binned = np.empty((-(-len(image) // rows), *image.shape[1:]), np.uint8)
+    _average_kernel(image.reshape(len(image), -1), rows, binned.reshape(len(binned), -1))
+    return binned
 
 
 def _planes_of_rows(planes: NDArray[np.float64], rows: int) -> NDArray[np.float64]:
@@ -118,28 +118,53 @@ def _planes_of_rows(planes: NDArray[np.float64], rows: int) -> NDArray[np.float6
     return np.stack([a, b / rows, c + b * (0.5 / rows - 0.5)], axis=1)
 
 
+@njit(cache=True, nogil=True, error_model='numpy')
+def _average_kernel(image, rows, averaged):
+    """Average rows, rounded half to even; OpenCV's area averaging takes five times as long."""
+    height, width = image.shape
+    total = np.empty(width, np.int32)
+    for row in range(averaged.shape[0]):
+        total[:] = 0
+        for y in range(row * rows, (row + 1) * rows):
+            total += image[min(y, height - 1)]
+        for i in range(width):
+            averaged[row, i] = np.uint8(np.rint(np.float32(total[i]) / np.float32(rows)))
+
+
 @njit(cache=True, nogil=True)
 def _restore_kernel(start, stop, values, labels, binned, image, rows, restored, restored_labels):
     height, width, _ = binned.shape
+    is_smooth = np.empty(width, np.bool_)
     for y in range(start, stop):
         v = (y + np.float32(0.5)) / rows - np.float32(0.5)
         upper = min(max(int(np.floor(v)), 0), height - 1)
         lower = min(upper + 1, height - 1)
         part = min(max(v - upper, np.float32(0)), np.float32(1))
         nearest = lower if part > np.float32(0.5) else upper
+        restored_labels[y] = labels[nearest]
+        _interpolate(values[upper], values[lower], values[nearest], part, restored[y], is_smooth)
         for x in range(width):
-            above, below = values[upper, x], values[lower, x]
-            between = above + part * (below - above)
-            left, right = max(x - 1, 0), min(x + 1, width - 1)
-            spread = max(abs(above - below), abs(values[nearest, left] - values[nearest, right]))
-            if spread <= _SAME_SURFACE:
-                restored[y, x] = between
-                restored_labels[y, x] = labels[nearest, x]
+            if is_smooth[x]:
                 continue
+            left, right = max(x - 1, 0), min(x + 1, width - 1)
             row, column = _most_alike(image[y, x], binned, upper, lower, left, x, right, part)
-            is_smooth = column == x and abs(above - below) <= _SAME_SURFACE
-            restored[y, x] = between if is_smooth else values[row, column]
             restored_labels[y, x] = labels[row, column]
+            if column != x or not abs(values[upper, x] - values[lower, x]) <= _SAME_SURFACE:
+                restored[y, x] = values[row, column]
+
+
+@njit(cache=True, nogil=True)
+def _interpolate(above, below, nearest, part, between, is_smooth):
+    """Set what lies between two rows, and where neither they nor the columns have a step."""
+    width = above.shape[0]
+    for x in range(width):
+        between[x] = above[x] + part * (below[x] - above[x])
+        is_smooth[x] = abs(above[x] - below[x]) <= _SAME_SURFACE
+    for x in range(1, width - 1):
+        is_smooth[x] &= abs(nearest[x - 1] - nearest[x + 1]) <= _SAME_SURFACE
+    for x in (0, width - 1):
+        step = nearest[max(x - 1, 0)] - nearest[min(x + 1, width - 1)]
+        is_smooth[x] &= abs(step) <= _SAME_SURFACE
 
 
 @njit(cache=True, nogil=True)
