@@ -40,7 +40,8 @@ from stereo_refine_ros.params import Params
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.frame import measure_frame
 from stereo_refine_ros.refinement.plane_stage import unfitted
-from stereo_refine_ros.types import DisparityMap, RefinementResult, StereoPair
+from stereo_refine_ros.types import DisparityMap, RefinementResult
+from stereo_refine_ros.warm_up import compile_apart, run_kernels
 
 FAILURES_BEFORE_FALLBACK = 3
 _STAGES = ('matching', 'segmentation', 'planes', 'filter')
@@ -120,19 +121,10 @@ class FrameProcessor:
     def warm_up(self, progress: Callable[[str], None] = lambda text: None) -> None:
         """Compile every kernel that the parameters of the moment use, on a small pair."""
         params = self._around.params()
-        rng = np.random.default_rng(0)
-        width = min(512, params.matching.num_disparities + 64)
-        wide = cv2.blur(rng.integers(0, 256, (64, width + 4, 3), np.uint8), (5, 3))
-        left, right = wide[:, :width].copy(), wide[:, 4:].copy()
-        truth = np.full((64, width), 4, np.float32)
-        grey = (np.ascontiguousarray(left[..., 0]), np.ascontiguousarray(right[..., 0]))
-        pairs = {'colour': StereoPair(left, right), 'grey': StereoPair(*grey)}
-        for number, (name, pair) in enumerate(pairs.items(), 1):
-            progress(f'kernels for {name} images ({number} of {len(pairs)})')
-            decoded = DecodedFrame(
-                pair, None, preliminary=truth if _is_external(params) else None)
-            result = self._refine(decoded, params, params.processing.threads)
-            measure_frame(result, pair, truth)
+        compile_apart(params, progress)
+        run_kernels(params, lambda params, pair, preliminary: self._refine(
+            DecodedFrame(pair, None, preliminary=preliminary), params,
+            params.processing.threads))
 
     def process(self, frame: Frame, turn: Turn = FIRST) -> None:
         """Take one checked frame to its end, published (when it is its turn) or refused."""
@@ -240,10 +232,6 @@ class FrameProcessor:
         self._around.publishers.publish('metrics', metrics_message(
             frame.header, self._around.name, frame.header.frame_id, figures,
             bool(figures['degraded'])))
-
-
-def _is_external(params: Params) -> bool:
-    return params.matching.method == 'external'
 
 
 def _with_range(params: Params, search_range: tuple[int, int] | None) -> Params:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the node opens: it writes its kernel cache and ROS's log, starts nothing, calls nobody."""
+"""What the node opens: it writes its kernel cache and ROS's log, calls nobody."""
 
 import os
 from pathlib import Path
@@ -51,7 +51,7 @@ def _own_environment():
             if not name.startswith('COVERAGE_')}
 
 
-def test_only_the_kernel_cache_is_written_and_nothing_is_started(tmp_path):
+def test_only_the_kernel_cache_is_written_and_only_its_compiler_started(tmp_path):
     cache, logs = os.environ['NUMBA_CACHE_DIR'], tmp_path / 'logs'  # set by the package
     with tempfile.NamedTemporaryFile('r') as events:
         node = subprocess.Popen(
@@ -72,7 +72,9 @@ def test_only_the_kernel_cache_is_written_and_nothing_is_started(tmp_path):
             _, printed = node.communicate(timeout=10)
         assert node.returncode == 0, printed
         written = events.read().splitlines()
-    assert [line for line in written if cache not in line] == []
+    # A first start has a process of its own compile into the cache.
+    assert [line for line in written
+            if cache not in line and 'stereo_refine_ros.warm_up' not in line] == []
     # The middleware's own C++ code is not seen by Python: look at what is on the disk.
     made = {path.relative_to(tmp_path).parts[0] for path in tmp_path.rglob('*')}
     assert made <= {'logs'}

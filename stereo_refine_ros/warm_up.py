@@ -1,0 +1,131 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Compile every kernel before the first frame, at a first start in a process of its own.
+
+A compiler leaves some 150 MB behind where it ran, and holds up the interpreter's other threads
+for seconds at a time. What it made lies in the cache, and loads from there in half a second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import ctypes
+import hashlib
+import json
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+
+import cv2
+import numba
+import numpy as np
+
+from stereo_refine_ros.params import load_preset, Params
+from stereo_refine_ros.pipeline import StereoRefiner
+from stereo_refine_ros.quality.frame import measure_frame
+from stereo_refine_ros.types import FloatMap, RefinementResult, StereoPair
+
+Progress = Callable[[str], None]
+Refine = Callable[[Params, StereoPair, FloatMap | None], RefinementResult]
+
+_PR_SET_PDEATHSIG = 1  # from prctl.h
+
+
+def run_kernels(params: Params, refine: Refine, progress: Progress = lambda text: None) -> None:
+    """
+    Refine and measure a small pair of either kind, so that every kernel is there.
+
+    Parameters
+    ----------
+    params : Params
+        Of the frames to come.
+    refine : callable of Params, a StereoPair and a preliminary map or None
+        Runs the pipeline.
+    progress : callable of str
+        Told what comes next.
+
+    """
+    rng = np.random.default_rng(0)
+    width = min(512, params.matching.num_disparities + 64)
+    wide = cv2.blur(rng.integers(0, 256, (64, width + 4, 3), np.uint8), (5, 3))
+    left, right = wide[:, :width].copy(), wide[:, 4:].copy()
+    truth = np.full((64, width), 4, np.float32)
+    grey = (np.ascontiguousarray(left[..., 0]), np.ascontiguousarray(right[..., 0]))
+    pairs = {'colour': StereoPair(left, right), 'grey': StereoPair(*grey)}
+    # Small images would not have their rows averaged.
+    params = params.updated({'processing.max_cells': 0.001, 'processing.min_rows': 32})
+    for number, (name, pair) in enumerate(pairs.items(), 1):
+        progress(f'kernels for {name} images ({number} of {len(pairs)})')
+        result = refine(params, pair, truth if params.matching.method == 'external' else None)
+        measure_frame(result, pair, truth)
+
+
+def compile_apart(params: Params, progress: Progress = lambda text: None) -> None:
+    """
+    Fill the cache from a child process, unless that was done before.
+
+    Nothing depends on it: what the child did not compile, the first call will. The child ends
+    with its parent.
+    """
+    mark = _mark(params)
+    if mark is None or mark.exists():
+        return
+    command = [sys.executable, '-m', 'stereo_refine_ros.warm_up', str(os.getpid()), str(mark),
+               json.dumps(params.as_dict())]
+    try:
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
+            assert child.stdout is not None
+            for line in child.stdout:
+                progress(line.rstrip())
+    except OSError as error:  # where no process may be started
+        progress(f'kernels here: {error}')
+
+
+def _mark(params: Params) -> Path | None:
+    """Return the file that says that these kernels are in the cache; None where none is kept."""
+    folder = os.environ.get('NUMBA_CACHE_DIR')
+    if folder is None or numba.config.DISABLE_JIT:
+        return None
+    kinds = (params.matching.method, params.planes.projection, params.planes.spread,
+             params.filter.method)
+    versions = (sys.version, numba.__version__, np.__version__)
+    digest = hashlib.sha256(repr((kinds, versions)).encode()).hexdigest()[:16]
+    return Path(folder) / f'compiled-{digest}'
+
+
+def _end_with(parent: int) -> None:
+    """Have the system end this process when the thread that started it is gone."""
+    prctl = getattr(ctypes.CDLL(None), 'prctl', None)
+    if prctl is not None:
+        prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        sys.exit(1)
+
+
+def main() -> None:
+    """Compile: arguments are the parent's process id, the mark to set and the parameters."""
+    parent, mark, values = sys.argv[1:]
+    _end_with(int(parent))
+    params = load_preset('live', json.loads(values))
+    run_kernels(params, lambda params, pair, preliminary: StereoRefiner(params).process(
+        pair.left, pair.right, preliminary), lambda text: print(text, flush=True))
+    Path(mark).touch()
+
+
+if __name__ == '__main__':
+    main()

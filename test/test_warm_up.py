@@ -1,0 +1,97 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Compiling before the first frame: in a child, once, everything that a frame needs."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import psutil
+import pytest
+from stereo_refine_ros import warm_up
+from stereo_refine_ros.params import load_preset
+
+pytestmark = pytest.mark.compiled
+
+FRAME = """
+import cv2
+import numpy as np
+from stereo_refine_ros.params import load_preset
+from stereo_refine_ros.pipeline import StereoRefiner
+from stereo_refine_ros.quality.frame import measure_frame
+from stereo_refine_ros.types import StereoPair
+left = cv2.blur(np.random.default_rng(0).integers(0, 256, (480, 640, 3), np.uint8), (5, 3))
+grey = left[..., 0].copy()
+for pair in StereoPair(left, np.roll(left, -7, 1)), StereoPair(grey, np.roll(grey, -7, 1)):
+    result = StereoRefiner(load_preset('live')).process(pair.left, pair.right)
+    measure_frame(result, pair)
+"""
+
+# A parent that says which child it waits for, and is then killed.
+PARENT = """
+from stereo_refine_ros import warm_up
+from stereo_refine_ros.params import load_preset
+warm_up.compile_apart(load_preset('live'), lambda text: print(text, flush=True))
+"""
+
+
+def kernels(folder):
+    return {path.relative_to(folder): path.stat().st_mtime_ns for path in folder.rglob('*.nb?')}
+
+
+def test_a_child_compiles_all_that_a_frame_needs_and_only_once(tmp_path, monkeypatch):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
+    steps = []
+    warm_up.compile_apart(load_preset('live'), steps.append)
+    assert steps == ['kernels for colour images (1 of 2)', 'kernels for grey images (2 of 2)']
+    made = kernels(tmp_path)
+    assert len(made) > 50
+    warm_up.compile_apart(load_preset('live'), steps.append)
+    assert len(steps) == 2
+    subprocess.run([sys.executable, '-c', FRAME], check=True, timeout=60)
+    assert kernels(tmp_path) == made
+
+
+def test_the_compiler_ends_with_its_parent(tmp_path):
+    environment = {**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)}
+    with subprocess.Popen([sys.executable, '-c', PARENT], env=environment,
+                          stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout.readline() == 'kernels for colour images (1 of 2)\n'
+        child, = psutil.Process(parent.pid).children()
+        parent.send_signal(signal.SIGKILL)
+    child.wait(10)
+    assert not list(tmp_path.glob('compiled-*'))
+
+
+def test_a_child_without_its_parent_does_nothing(tmp_path):
+    mark = tmp_path / 'mark'
+    done = subprocess.run(
+        [sys.executable, '-m', 'stereo_refine_ros.warm_up', '1', str(mark), '{}'], timeout=60)
+    assert done.returncode == 1 and not mark.exists()
+
+
+def test_where_no_process_may_be_started_the_first_call_compiles(tmp_path, monkeypatch):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
+    monkeypatch.setattr(sys, 'executable', str(tmp_path / 'nothing'))
+    steps = []
+    warm_up.compile_apart(load_preset('live'), steps.append)
+    assert 'nothing' in steps[0] and not any(tmp_path.iterdir())
+
+
+def test_without_a_cache_no_child_is_started(monkeypatch):
+    monkeypatch.delenv('NUMBA_CACHE_DIR')
+    monkeypatch.setattr(subprocess, 'Popen', None)
+    warm_up.compile_apart(load_preset('live'))
