@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 from stereo_refine_ros.params import PlaneParams
-from stereo_refine_ros.refinement.planes import _draw, _next_random, _sample, fit_planes
+from stereo_refine_ros.refinement.planes import (
+    _draw, _next_random, _points_of, _sample, fit_planes)
 from stereo_refine_ros.refinement.regions import group_pixels
 
 
@@ -60,6 +61,15 @@ def test_a_sample_takes_one_point_of_every_few():
         assert xs.dtype == np.float32
         # Spread evenly over the step, as over the columns of a strip of that width.
         assert len(set((xs - first).astype(int))) == step
+
+
+def test_points_are_the_pixels_with_data_wherever_their_rows_begin():
+    data = np.arange(24, dtype=np.float32).reshape(4, 6)
+    data[1, 1] = np.nan
+    members = np.array([5, 6, 7, 8, 21, 22], np.int32)  # one pixel of the first row, none of row 2
+    points = _points_of(members, data)
+    assert points.dtype == np.float32
+    np.testing.assert_array_equal(points, [[5, 0, 2, 3, 4], [0, 1, 1, 3, 3], [5, 6, 8, 21, 22]])
 
 
 def test_three_data_are_a_plane_and_two_are_none():
