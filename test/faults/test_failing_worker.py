@@ -66,6 +66,11 @@ class Harness:
         self.stamp += 33_000_000
         return stereo_messages(*PAIR, self.stamp)
 
+    def until_failed(self, frames):
+        counts = self.node._ledger.counts
+        self.client.until(lambda: counts().refused.get('processing') == frames, 5.0,
+                          lambda: f'{frames} failed frames in {counts()}')
+
     def until_diagnosed(self, text, level):
         found = self.client.received['/diagnostics']
         self.client.until(lambda: any(
@@ -92,9 +97,9 @@ def test_a_kernel_that_fails_is_reported_and_the_preliminary_goes_out(harness, m
         broken.setattr(StereoRefiner, 'process', failing)
         client.received['disparity'].clear()
         client.received['/diagnostics'].clear()
-        for _ in range(processing.FAILURES_BEFORE_FALLBACK - 1):
+        for number in range(1, processing.FAILURES_BEFORE_FALLBACK):
             client.send(harness.pair())
-            client.spin(0.2)
+            harness.until_failed(number)
         assert client.received['disparity'] == []
         harness.until_diagnosed('refinement failed', b'\x02')
         message, metrics = client.exchange(harness.pair(), ('disparity', 'metrics'))
@@ -120,9 +125,9 @@ def test_a_matcher_that_fails_too_costs_frames_and_nothing_else(harness, monkeyp
     with monkeypatch.context() as broken:
         broken.setattr(StereoRefiner, 'process', failing)
         broken.setattr(processing, 'compute_match', failing)
-        for _ in range(5):
+        for number in range(1, 6):
             client.send(harness.pair())
-            client.spin(0.1)
+            harness.until_failed(number)
         harness.until_diagnosed('refinement failed', b'\x02')
     client.exchange(harness.pair())
     client.spin(1.2)
