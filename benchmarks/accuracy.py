@@ -22,11 +22,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 import sys
 
 from external_maps import external_maps
+import numpy as np
 from stereo_refine_ros.datasets import list_scenes, load_scene
 from stereo_refine_ros.datasets.scene import Scene
 from stereo_refine_ros.evaluate import named_value
@@ -38,7 +39,7 @@ from stereo_refine_ros.params import FILTERS, MATCHERS, PRESETS, PROJECTIONS
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.disparity_errors import bad_percent
 from stereo_refine_ros.quality.filling import fill_from_background
-from stereo_refine_ros.types import FloatMap
+from stereo_refine_ros.types import FloatMap, StereoPair
 
 TOLERANCE = 0.05  # points of percent
 CHECKED = ('bad-1.0 nonocc', 'bad-1.0 all', 'bad-2.0 nonocc', 'bad-2.0 all', 'mse')
@@ -75,7 +76,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     with Progress() as progress:
         for seed, plan in plans.items():
             for scene in scenes:
-                for entry in _scene_entries(scene, plan, args.external):
+                seen = _with_noise(scene, args.noise, seed) if args.noise else scene
+                for entry in _scene_entries(seen, plan, args.external):
                     entries[seed].append(entry)
                     progress.step(f'seed {seed} {scene.name} {entry.matching}')
     print_tables(entries[args.seeds[0]])
@@ -114,6 +116,14 @@ def print_seeds(entries: dict[int, list[Entry]]) -> None:
         if known:
             print(f'\n{matching}, v2 average over seeds {", ".join(map(str, entries))}: '
                   f'{min(known):.3f} to {max(known):.3f}, mean {sum(known) / len(known):.3f}')
+
+
+def _with_noise(scene: Scene, sigma: float, seed: int) -> Scene:
+    """Add Gaussian noise of `sigma` grey levels to both views, as a camera's sensor does."""
+    rng = np.random.default_rng(seed)
+    noisy = [np.clip(np.rint(view + rng.normal(0, sigma, view.shape)), 0, 255).astype(np.uint8)
+             for view in (scene.pair.left, scene.pair.right)]
+    return replace(scene, pair=StereoPair(*noisy))
 
 
 def _scene_entries(scene: Scene, plan: Plan, with_external: bool) -> Iterator[Entry]:
@@ -209,6 +219,8 @@ def _parser() -> argparse.ArgumentParser:
                         metavar='NAME=VALUE', help='a parameter by its dotted name; repeatable')
     parser.add_argument('--external', action='store_true',
                         help='refine disturbed external maps too')
+    parser.add_argument('--noise', type=float, default=0.0, metavar='SIGMA',
+                        help='grey levels of noise added to the images, drawn by the seed')
     parser.add_argument('--check', action='store_true',
                         help='end with 1 where a refined map is worse than its input')
     return parser
