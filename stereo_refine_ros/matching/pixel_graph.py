@@ -68,13 +68,8 @@ def edge_weights(image: Image, directions: int = 2) -> NDArray[np.uint8]:
             left, stop = max(0, -right), width - max(0, right)
             change = cv2.absdiff(
                 image[:height - down, left:stop], image[down:, left + right:stop + right])
-            weights[:height - down, left:stop, k] = largest_channel(change)
+            weights[:height - down, left:stop, k] = reduce(cv2.max, cv2.split(change))
     return weights
-
-
-def largest_channel(image: Image) -> NDArray[np.uint8]:
-    """Return the largest channel of every pixel, uint8 of shape (H, W)."""
-    return reduce(cv2.max, cv2.split(image))
 
 
 def sort_edges(weights: NDArray[np.uint8], codes: IndexArray | None = None) -> IndexArray:

@@ -115,10 +115,11 @@ def _gain_kernel(start, stop, proposed, other, is_given, evidence, inertia, gain
                 continue
             kept, is_visible = _candidate_cost(y, x, other[y, x], evidence)
             cost, _ = _candidate_cost(y, x, proposed[y, x], evidence)
-            if not is_given[y, x]:
-                kept += 0.0 if is_visible else _BLIND_GUESS
-            elif is_visible and kept < _UNCONTESTED:
-                cost += inertia
+            if is_given[y, x]:
+                if is_visible and kept < _UNCONTESTED:
+                    cost += inertia
+            elif not is_visible:
+                kept += _BLIND_GUESS
             gain[y, x] = cost - kept
 
 
