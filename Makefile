@@ -80,6 +80,7 @@ audit:
 bench: $(TEST_STAMP) $(CONTRIB_VENV)/.installed
 	$(BIN)/python benchmarks/speed.py --contrib-python $(CONTRIB_VENV)/bin/python \
 		--plot docs/speed.svg
+	$(BIN)/python benchmarks/against_filters.py --contrib-python $(CONTRIB_VENV)/bin/python
 
 bench-live: $(TEST_STAMP)
 	$(BIN)/python benchmarks/live.py

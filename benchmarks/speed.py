@@ -25,13 +25,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, field
-import json
 from pathlib import Path
-import subprocess
-import tempfile
 from typing import Any
 
 from cases import Case, CASES, load_case
+from contrib import run_contrib
 import numpy as np
 from opencv_methods import BASE, plain_methods
 from report import growth_table, method_table, plot, stage_table
@@ -42,8 +40,6 @@ from stereo_refine_ros.quality.disparity_errors import bad_percent
 from stereo_refine_ros.quality.filling import fill_from_background
 from stereo_refine_ros.types import RefinementResult
 from timing import quartiles, time_rounds
-
-HERE = Path(__file__).resolve().parent
 
 
 @dataclass
@@ -97,21 +93,10 @@ def measure_case(case: Case, options: argparse.Namespace) -> list[Row]:
     times, results = time_rounds(methods, options.rounds, options.budget)
     rows = [_row(case, name, times, results[name], log) for name in methods]
     if options.contrib_python:
-        times, maps = _contrib(case, options)
+        times, maps = run_contrib(options.contrib_python, views, case.num_disparities,
+                                  options.rounds, options.budget)
         rows += [_row(case, name, times, maps[name]) for name in times if name != BASE]
     return rows
-
-
-def _contrib(case: Case, options: argparse.Namespace
-             ) -> tuple[dict[str, list[float]], dict[str, np.ndarray]]:
-    with tempfile.TemporaryDirectory() as folder:
-        pair, output = Path(folder) / 'pair.npz', Path(folder) / 'output.npz'
-        np.savez(pair, left=case.left, right=case.right, num_disparities=case.num_disparities)
-        done = subprocess.run(
-            [options.contrib_python, str(HERE / 'opencv_methods.py'), str(pair), str(output),
-             '--rounds', str(options.rounds), '--budget', str(options.budget)],
-            check=True, stdout=subprocess.PIPE, text=True)
-        return json.loads(done.stdout)['times'], dict(np.load(output))
 
 
 def _row(case: Case, name: str, times: dict[str, list[float]], result: Any,
