@@ -124,8 +124,8 @@ class ProcessingParams:
         2, 1, 2, '-', 'node: frames refined at a time, at most one a thread; the second begins, '
         'on half the threads, while the first is not done')
     max_cells: float = _number(
-        5.2, 0.001, 1e6, 'million', 'pixels times disparities; where there are more, rows are '
-        'averaged before matching and refinement and restored after them')
+        9.5, 0.001, 1e6, 'million', 'pixels times (disparities + 32); where there are more, rows '
+        'are averaged before matching (sgbm, bm: after it) and refinement, and restored last')
     min_rows: int = _integer(120, 1, 65536, 'px', 'rows that averaging leaves at least')
 
 

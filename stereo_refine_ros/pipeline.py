@@ -22,7 +22,7 @@ import time
 
 import numpy as np
 
-from stereo_refine_ros.matching import compute_match
+from stereo_refine_ros.matching import compute_match, OPENCV_MATCHERS
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.scanline import gather_evidence
 from stereo_refine_ros.memory import keep_freed_memory
@@ -82,43 +82,46 @@ class StereoRefiner:
         pair = StereoPair(left, right)
         if preliminary is not None:
             preliminary = _checked(preliminary, pair.shape)
-        rows = rows_per_bin(
-            pair.shape, self.params.matching.num_disparities, self.params.processing)
-        threads = threads or self.params.processing.threads
+        matching, threads = self.params.matching, threads or self.params.processing.threads
+        rows = rows_per_bin(pair.shape, matching.num_disparities, self.params.processing)
+        # A map that comes at full size is refined on averaged rows, and keeps its own detail.
+        is_whole = rows > 1 and (
+            preliminary is not None or matching.method in OPENCV_MATCHERS)
         stage_ms: dict[str, float] = {}
         binned = bin_rows(pair, rows)
         # The segments need no disparity: they are found beside the matching.
         structure_task = start(threads, self._describe, binned.left, stage_ms)
         with _timed(stage_ms, 'matching'):
-            match = self._match(binned, preliminary, rows, threads)
+            found = self._match(pair if is_whole else binned, preliminary, threads)
+        before = found.disparity.values
         structure = structure_task.result()
         with _timed(stage_ms, 'planes'):
-            segments, projected = self._project(binned, match, structure, threads)
+            match = Match(self._map(bin_disparities(before, rows))) if is_whole else found
+            segments, projected = self._project(binned, match, structure, threads, rows)
             projected, segments = restore_rows(
                 projected, segments, binned.left, left, rows, threads)
-            if preliminary is not None and rows > 1:
-                projected = (keep_agreeing(projected, preliminary) if segments.is_fitted.any()
-                             else self._without_planes(preliminary))
+            if is_whole:
+                projected = (keep_agreeing(projected, before) if segments.is_fitted.any()
+                             else self._without_planes(before))
         with _timed(stage_ms, 'filter'):
             refined = self._filter(projected, left, segments, threads)
-        if preliminary is None:
-            preliminary = repeat_rows(match.disparity.values, pair.shape[0], rows)
+        if not is_whole:
+            before = repeat_rows(before, pair.shape[0], rows)
         return RefinementResult(
-            self._map(refined), self._map(preliminary), segments, _lr_ratio(match), stage_ms,
+            self._map(refined), self._map(before), segments, _lr_ratio(found), stage_ms,
             (time.perf_counter() - begin) * 1e3)
 
     def _describe(self, image: Image, stage_ms: dict[str, float]) -> ImageStructure:
         with _timed(stage_ms, 'segmentation'):
             return describe_image(image, self.params.segmentation)
 
-    def _match(self, binned: StereoPair, preliminary: FloatMap | None, rows: int, threads: int
-               ) -> Match:
+    def _match(self, pair: StereoPair, preliminary: FloatMap | None, threads: int) -> Match:
         if preliminary is None:
-            return compute_match(binned, self.params.matching, threads)
-        return Match(self._map(bin_disparities(preliminary, rows)))
+            return compute_match(pair, self.params.matching, threads)
+        return Match(self._map(preliminary))
 
-    def _project(self, pair: StereoPair, match: Match, structure: ImageStructure, threads: int
-                 ) -> tuple[PlaneSegmentation, FloatMap]:
+    def _project(self, pair: StereoPair, match: Match, structure: ImageStructure, threads: int,
+                 rows: int) -> tuple[PlaneSegmentation, FloatMap]:
         planes = self.params.planes
         if planes.projection == 'off':
             return unfitted(structure.labels, structure.count), match.disparity.values
@@ -127,10 +130,10 @@ class StereoRefiner:
         evidence = match.evidence
         if evidence is None and pair.right is not None:
             evidence = gather_evidence(pair, self.params.matching, threads)[0]
-        return project_guarded(match, evidence, structure, planes, threads)
+        return project_guarded(match, evidence, structure, planes, threads, rows)
 
     def _without_planes(self, preliminary: FloatMap) -> FloatMap:
-        """Keep an external map as it came; `guarded` fills its holes all the same."""
+        """Keep a map at full size as it came; `guarded` fills its holes all the same."""
         is_filled = self.params.planes.projection == 'guarded'
         return fill_from_background(preliminary) if is_filled else preliminary
 

@@ -41,7 +41,8 @@ MATCHERS: dict[str, Matcher] = {
     'scanline': match_scanline,
 }
 
-_OPENCV = ('sgbm', 'bm')
+# Quick enough for whole images, and without a cost volume of their own.
+OPENCV_MATCHERS = ('sgbm', 'bm')
 _BYTES_PER_CELL = 8  # of the cost volume, at the peak: 6.5 GB for 4096 x 3072 x 64
 
 
@@ -60,7 +61,7 @@ def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1) ->
         raise ValueError(f'matching.method {params.method}: needs the right image')
     if params.method not in MATCHERS:
         raise ValueError(f'matching.method: {params.method!r} is none of {", ".join(MATCHERS)}')
-    if params.method not in _OPENCV:
+    if params.method not in OPENCV_MATCHERS:
         _check_memory(pair, params)
     return MATCHERS[params.method](pair, params, threads)
 

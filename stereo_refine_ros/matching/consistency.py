@@ -12,15 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Left-right consistency of two disparity maps."""
+"""Consistency of a disparity map with that of the other view, and within itself."""
 
 from __future__ import annotations
 
+import cv2
 from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from stereo_refine_ros.types import FloatMap
+
+# Whole range of the parameters in 16 bits, which is what OpenCV takes.
+_LEVELS_PER_PIXEL = 4
+_HOLE = np.int16(-1 << 15)
 
 
 def left_right_check(left: FloatMap, right: FloatMap, tolerance: float) -> NDArray[np.bool_]:
@@ -56,6 +61,19 @@ def right_from_left(left: FloatMap) -> FloatMap:
     right = np.full(left.shape, np.nan, np.float32)
     _forward_kernel(left, right)
     return right
+
+
+def remove_speckles(values: FloatMap, size: int, step: float) -> FloatMap:
+    """
+    Drop islands: at most `size` pixels, within which neighbours differ by at most `step`.
+
+    Disparities are compared in quarters of a pixel. Returns float32 (H, W), NaN where it dropped
+    one or there was none.
+    """
+    levels = np.where(np.isnan(values), _HOLE, np.rint(values * _LEVELS_PER_PIXEL))
+    levels = levels.astype(np.int16)
+    cv2.filterSpeckles(levels, int(_HOLE), size, step * _LEVELS_PER_PIXEL)
+    return np.where(levels == _HOLE, np.float32(np.nan), values)
 
 
 @njit(cache=True, nogil=True)

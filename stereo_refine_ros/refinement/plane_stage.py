@@ -25,7 +25,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.matching.consistency import left_right_check
+from stereo_refine_ros.matching.consistency import left_right_check, remove_speckles
 from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.params import PlaneParams
@@ -49,8 +49,12 @@ _DATA_REACH, _PLANE_REACH = 0.6, 1.0
 # calibration: its holes are filled, and nothing else is changed.
 _BELONGS = 0.3
 _SPREAD_MEDIAN = 3
+# Islands of the scanline matcher that small and that far from all around them are wrong: pixels
+# of the image, and of disparity. Other matchers see to their own.
+_SPECKLE, _SPECKLE_STEP = 60, 2.0
 # Where the images speak for what a matcher said, a plane has to be this much better, in cost.
-_INERTIA = 0.1
+# The scanline matcher has said no more than the images do; others may have seen what they hide.
+_OWN_INERTIA, _INERTIA = 0.1, 0.3
 
 
 def unfitted(labels: LabelMap, count: int) -> PlaneSegmentation:
@@ -76,12 +80,13 @@ def project_full(match: Match, structure: ImageStructure, params: PlaneParams,
 
 
 def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStructure,
-                    params: PlaneParams, threads: int = 1,
+                    params: PlaneParams, threads: int = 1, rows: int = 1,
                     ) -> tuple[PlaneSegmentation, FloatMap]:
     """
     Let the planes change the map where the evidence says so, and fill its holes.
 
-    Without evidence (no right view) valid pixels keep their disparity.
+    Without evidence (no right view) valid pixels keep their disparity. `rows` of the image are
+    one of the map: the speckles of a map are so much smaller.
 
     Returns
     -------
@@ -99,8 +104,9 @@ def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStr
                     fill_from_background(match.disparity.values))
     matched = np.isfinite(data)
     is_spread = params.spread and match.evidence is not None and bool(matched.any())
-    begin = (_spread(match, structure, threads) if is_spread
-             else fill_from_background(match.disparity.values))
+    kept = (match.disparity.values if is_spread or match.evidence is None
+            else remove_speckles(match.disparity.values, _SPECKLE // rows, _SPECKLE_STEP))
+    begin = _spread(match, structure, threads) if is_spread else fill_from_background(kept)
     near = np.where(np.abs(data - begin) <= _FIT_REACH, data, np.float32(np.nan))
     fits = fit_planes(structure.lists, near, params, threads)
     planes, own = _share(fits, structure, evidence, matched, params)
@@ -108,13 +114,13 @@ def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStr
     if evidence is None:
         values = np.where(matched | np.isnan(proposed), begin, proposed)
     else:
-        values = choose_candidates(proposed, begin, match.disparity.valid, evidence,
-                                   structure.weights, 0.0 if is_spread else _INERTIA, threads)
+        inertia = (0.0 if is_spread else _INERTIA if match.evidence is None else _OWN_INERTIA)
+        values = choose_candidates(proposed, begin, np.isfinite(kept), evidence,
+                                   structure.weights, inertia, threads)
     if is_spread:
         values = _with_subpixel(values, data, proposed)
     else:
-        values = np.where(np.abs(match.disparity.values - values) < ALIKE,
-                          match.disparity.values, values)
+        values = np.where(np.abs(kept - values) < ALIKE, kept, values)
     is_fitted = own & np.isfinite(planes[:, 0])
     return _segments(structure, planes, is_fitted, fits), values
 

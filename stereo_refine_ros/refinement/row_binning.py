@@ -34,6 +34,8 @@ from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, Image, PlaneSegmentation, StereoPair
 
 # Rows that differ by less than this lie on one surface: interpolate between them, in pixels.
+# What a pixel costs besides its disparities, in disparities: fewer of them save little else.
+_PIXEL_CELLS = 32
 _SAME_SURFACE = 1.0
 # Grey levels (summed over three channels) that a step away in rows or columns weighs.
 _ROW_WEIGHT, _COLUMN_WEIGHT = 10.0, 8.0
@@ -41,7 +43,7 @@ _ROW_WEIGHT, _COLUMN_WEIGHT = 10.0, 8.0
 
 def rows_per_bin(shape: tuple[int, int], num_disparities: int, params: ProcessingParams) -> int:
     """Return how many rows to average into one: for `max_cells`, but not below `min_rows`."""
-    cells = shape[0] * shape[1] * num_disparities / 1e6
+    cells = shape[0] * shape[1] * (num_disparities + _PIXEL_CELLS) / 1e6
     return min(math.ceil(cells / params.max_cells), max(1, shape[0] // params.min_rows))
 
 
@@ -101,7 +103,7 @@ def restore_rows(values: FloatMap, segments: PlaneSegmentation, binned: Image, i
 
 
 def keep_agreeing(restored: FloatMap, preliminary: FloatMap) -> FloatMap:
-    """Take back what an external map had at full size wherever the restored map agrees."""
+    """Take back what a map had at full size wherever the restored map agrees."""
     agrees = np.abs(restored - preliminary) <= _SAME_SURFACE
     return np.where(agrees, preliminary, restored)
 

@@ -153,3 +153,19 @@ def right_from_left(left):
                         if np.isfinite(d) and int(np.floor(x - d + 0.5)) == u]
             right[y, u] = max(arriving, default=np.nan)
     return right
+
+
+def remove_speckles(values, size, step):
+    """Grow every island pixel by pixel."""
+    kept = values.copy()
+    open_pixels = set(zip(*np.nonzero(np.isfinite(values)), strict=True))
+    while open_pixels:
+        island = [open_pixels.pop()]
+        for y, x in island:
+            for other in ((y - 1, x), (y + 1, x), (y, x - 1), (y, x + 1)):
+                if other in open_pixels and abs(values[other] - values[y, x]) <= step:
+                    open_pixels.remove(other)
+                    island.append(other)
+        if len(island) <= size:
+            kept[tuple(np.transpose(island))] = np.nan
+    return kept

@@ -12,13 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The left-right check and the forward warp against slow versions and by hand."""
+"""The left-right check, the forward warp and speckles, against slow versions and by hand."""
 
 import matching_reference
 import numpy as np
 import pytest
 
-from stereo_refine_ros.matching.consistency import left_right_check, right_from_left
+from stereo_refine_ros.matching.consistency import (
+    left_right_check, remove_speckles, right_from_left)
 
 NAN = np.float32('nan')
 
@@ -64,3 +65,23 @@ def test_the_nearer_surface_hides_the_farther_one():
     np.testing.assert_array_equal(right_from_left(left), [[1, NAN, 1, 1, NAN, NAN]])
     left[0, 3] = 3
     np.testing.assert_array_equal(right_from_left(left), [[3, NAN, NAN, 1, NAN, NAN]])
+
+
+@pytest.mark.parametrize('size, step', [(0, 1.0), (1, 1.0), (3, 0.5), (3, 2.0), (6, 1.0)])
+def test_removal_of_speckles_is_the_naive_one(size, step):
+    for seed in range(4):
+        values = np.rint(random_map(seed, low=0) * 2) / 2
+        before = values.copy()
+        np.testing.assert_array_equal(
+            remove_speckles(values, size, step),
+            matching_reference.remove_speckles(values, size, step))
+        np.testing.assert_array_equal(values, before)
+
+
+@pytest.mark.parametrize('disparity', [-2048.0, 4094.75])
+def test_speckles_are_found_over_the_whole_range(disparity):
+    values = np.full((4, 5), disparity, np.float32)
+    values[2, 3] += 3 if disparity < 0 else -3
+    kept = remove_speckles(values, 1, 2.0)
+    assert kept.dtype == np.float32 and np.argwhere(np.isnan(kept)).tolist() == [[2, 3]]
+    np.testing.assert_array_equal(remove_speckles(values, 1, 3.0), values)

@@ -14,6 +14,8 @@
 
 """The plane stage: full and guarded projection on maps whose truth is known."""
 
+import dataclasses
+
 import numpy as np
 import plane_reference
 import pytest
@@ -219,6 +221,19 @@ def test_what_a_matcher_said_stays_where_the_plane_says_nearly_the_same():
     _, projected = project_guarded(
         match_of(values), evidence, describe(image, labels), PlaneParams())
     np.testing.assert_array_equal(projected, values)
+
+
+@pytest.mark.parametrize('rows, side, stays', [(1, 7, False), (1, 8, True), (4, 4, True)])
+def test_a_speckle_of_the_scanline_matcher_stays_only_where_it_is_large(rows, side, stays):
+    evidence, image, labels = shifted_scene()
+    values = np.full(SHAPE, 4.0, np.float32)
+    values[4:4 + side, 11:11 + side] = 9.0
+    blind = dataclasses.replace(evidence, total=np.zeros_like(evidence.total),
+                                least=np.zeros_like(evidence.least))
+    blind.right[:] = -1
+    _, projected = project_guarded(
+        match_of(values, evidence=blind), blind, describe(image, labels), PlaneParams(), rows=rows)
+    assert (projected[7, 12] == 9.0) == stays
 
 
 @pytest.mark.compiled

@@ -37,10 +37,11 @@ def flat_scene(shape, rows):
 
 
 @pytest.mark.parametrize('shape, depth, expected', [
-    ((480, 640), 64, 4), ((375, 450), 60, 2), ((288, 384), 16, 1),
-    ((720, 1280), 128, 6), ((100, 5000), 512, 1), ((239, 5000), 512, 1), ((1, 1), 1, 1)])
+    ((480, 640), 64, 4), ((480, 640), 32, 3), ((375, 450), 60, 2),
+    ((370, 463), 76, 2), ((288, 384), 16, 1), ((720, 1280), 128, 6),
+    ((100, 5000), 512, 1), ((239, 5000), 512, 1), ((1, 1), 1, 1)])
 def test_as_many_rows_are_averaged_as_the_limits_ask_for(shape, depth, expected):
-    params = ProcessingParams(max_cells=5.2, min_rows=120)
+    params = ProcessingParams(max_cells=9.5, min_rows=120)
     assert rows_per_bin(shape, depth, params) == expected
 
 
