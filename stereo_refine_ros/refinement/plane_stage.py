@@ -53,8 +53,8 @@ _SPREAD_MEDIAN = 3
 # of the image, and of disparity. Other matchers see to their own.
 _SPECKLE, _SPECKLE_STEP = 60, 2.0
 # Where the images speak for what a matcher said, a plane has to be this much better, in cost.
-# The scanline matcher has said no more than the images do; others may have seen what they hide.
-_OWN_INERTIA, _INERTIA = 0.1, 0.3
+# ... and better still where rows are averaged, which blurs what the images say of others' maps.
+_INERTIA, _BLURRED_INERTIA = 0.1, 0.4
 
 
 def unfitted(labels: LabelMap, count: int) -> PlaneSegmentation:
@@ -114,7 +114,8 @@ def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStr
     if evidence is None:
         values = np.where(matched | np.isnan(proposed), begin, proposed)
     else:
-        inertia = (0.0 if is_spread else _INERTIA if match.evidence is None else _OWN_INERTIA)
+        inertia = (0.0 if is_spread
+                   else _BLURRED_INERTIA if rows > 1 and match.evidence is None else _INERTIA)
         values = choose_candidates(proposed, begin, np.isfinite(kept), evidence,
                                    structure.weights, inertia, threads)
     if is_spread:

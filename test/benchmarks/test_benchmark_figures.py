@@ -14,6 +14,7 @@
 
 """The figures of the speed and live benchmarks, from times and stamps made by hand."""
 
+import against_filters
 import live
 import numpy as np
 import opencv_methods
@@ -88,3 +89,13 @@ def test_plot_is_drawn(tmp_path):
     rows = [speed.Row('s', '4x3x2', name, (1.0, 2.0, 3.0), 1.0, 5.0) for name in ('SGBM', 'live')]
     report.plot(rows, tmp_path / 'docs' / 'speed.svg')
     assert '<svg' in (tmp_path / 'docs' / 'speed.svg').read_text(encoding='utf-8')
+
+
+def test_live_is_named_where_a_filter_is_as_good_or_it_is_worse_than_its_input():
+    wls, median = against_filters.FILTERS
+    errors = {against_filters.INPUT: 5.0, wls: 6.0, median: 7.0,
+              'worse': 5.5, 'equal': 5.0, 'better': 4.0, 'nothing': float('nan')}
+    assert against_filters.beaten(errors) == ['worse: 5.50', 'nothing: nan']
+    errors[median] = 4.0
+    assert against_filters.beaten(errors) == [
+        'worse: 5.50', 'equal: 5.00', 'better: 4.00', 'nothing: nan']

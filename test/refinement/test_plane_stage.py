@@ -20,6 +20,7 @@ import numpy as np
 import plane_reference
 import pytest
 
+from stereo_refine_ros.matching.evidence import TOTAL_UNIT
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.pixel_graph import edge_weights
 from stereo_refine_ros.matching.scanline import gather_evidence
@@ -234,6 +235,25 @@ def test_a_speckle_of_the_scanline_matcher_stays_only_where_it_is_large(rows, si
     _, projected = project_guarded(
         match_of(values, evidence=blind), blind, describe(image, labels), PlaneParams(), rows=rows)
     assert (projected[7, 12] == 9.0) == stays
+
+
+@pytest.mark.parametrize('is_own, rows, stays', [
+    (True, 1, False), (True, 2, False), (False, 1, False), (False, 2, True)])
+def test_on_averaged_rows_a_foreign_map_is_held_on_to(is_own, rows, stays):
+    evidence, image, labels = shifted_scene()
+    values = np.full(SHAPE, 4.0, np.float32)
+    values[2:16, 20:26] = 9.0
+    # The images find 9 px worse than the plane by 0.15, and know of no other difference.
+    total = np.zeros_like(evidence.total)
+    total[..., 9] = int(0.15 * TOTAL_UNIT)
+    right = np.full_like(evidence.right, 4)
+    right[2:16, 11:17] = 9
+    even = dataclasses.replace(
+        evidence, total=total, least=np.zeros_like(evidence.least), right=right)
+    _, projected = project_guarded(
+        match_of(values, evidence=even if is_own else None), even, describe(image, labels),
+        PlaneParams(), rows=rows)
+    assert np.all(projected[2:16, 21:25] == 9.0) == stays
 
 
 @pytest.mark.compiled
