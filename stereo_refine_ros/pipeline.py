@@ -23,6 +23,7 @@ import time
 import numpy as np
 
 from stereo_refine_ros.matching import compute_match, OPENCV_MATCHERS
+from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.scanline import gather_evidence
 from stereo_refine_ros.memory import keep_freed_memory
@@ -93,11 +94,12 @@ class StereoRefiner:
         structure_task = start(threads, self._describe, binned.left, stage_ms)
         with _timed(stage_ms, 'matching'):
             found = self._match(pair if is_whole else binned, preliminary, threads)
+            evidence = self._evidence(binned, found, threads)
         before = found.disparity.values
         structure = structure_task.result()
         with _timed(stage_ms, 'planes'):
             match = Match(self._map(bin_disparities(before, rows))) if is_whole else found
-            segments, projected = self._project(binned, match, structure, threads, rows)
+            segments, projected = self._project(match, evidence, structure, threads, rows)
             projected, segments = restore_rows(
                 projected, segments, binned.left, left, rows, threads)
             if is_whole:
@@ -120,16 +122,20 @@ class StereoRefiner:
             return compute_match(pair, self.params.matching, threads)
         return Match(self._map(preliminary))
 
-    def _project(self, pair: StereoPair, match: Match, structure: ImageStructure, threads: int,
-                 rows: int) -> tuple[PlaneSegmentation, FloatMap]:
+    def _evidence(self, pair: StereoPair, match: Match, threads: int) -> Evidence | None:
+        """Gather what guards the projection; the scanline matcher has it already."""
+        is_asked = self.params.planes.projection == 'guarded' and pair.right is not None
+        if match.evidence is None and is_asked:
+            return gather_evidence(pair, self.params.matching, threads)[0]
+        return match.evidence
+
+    def _project(self, match: Match, evidence: Evidence | None, structure: ImageStructure,
+                 threads: int, rows: int) -> tuple[PlaneSegmentation, FloatMap]:
         planes = self.params.planes
         if planes.projection == 'off':
             return unfitted(structure.labels, structure.count), match.disparity.values
         if planes.projection == 'full':
             return project_full(match, structure, planes, threads)
-        evidence = match.evidence
-        if evidence is None and pair.right is not None:
-            evidence = gather_evidence(pair, self.params.matching, threads)[0]
         return project_guarded(match, evidence, structure, planes, threads, rows)
 
     def _without_planes(self, preliminary: FloatMap) -> FloatMap:
