@@ -30,7 +30,8 @@ from stereo_refine_ros.memory import keep_freed_memory
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.quality.filling import fill_from_background
 from stereo_refine_ros.refinement.filters import apply_filter
-from stereo_refine_ros.refinement.plane_stage import project_full, project_guarded, unfitted
+from stereo_refine_ros.refinement.plane_stage import (
+    project_full, project_guarded, put_on_planes, unfitted)
 from stereo_refine_ros.refinement.regions import describe_image, ImageStructure
 from stereo_refine_ros.refinement.row_binning import (
     bin_disparities, bin_rows, keep_agreeing, repeat_rows, restore_rows, rows_per_bin)
@@ -102,9 +103,8 @@ class StereoRefiner:
             segments, projected = self._project(match, evidence, structure, threads, rows)
             projected, segments = restore_rows(
                 projected, segments, binned.left, left, rows, threads)
-            if is_whole:
-                projected = (keep_agreeing(projected, before) if segments.is_fitted.any()
-                             else self._without_planes(before))
+            if rows > 1:
+                projected = self._at_full_size(projected, before if is_whole else None, segments)
         with _timed(stage_ms, 'filter'):
             refined = self._filter(projected, left, segments, threads)
         if not is_whole:
@@ -138,10 +138,18 @@ class StereoRefiner:
             return project_full(match, structure, planes, threads)
         return project_guarded(match, evidence, structure, planes, threads, rows)
 
-    def _without_planes(self, preliminary: FloatMap) -> FloatMap:
-        """Keep a map at full size as it came; `guarded` fills its holes all the same."""
-        is_filled = self.params.planes.projection == 'guarded'
-        return fill_from_background(preliminary) if is_filled else preliminary
+    def _at_full_size(self, restored: FloatMap, before: FloatMap | None,
+                      segments: PlaneSegmentation) -> FloatMap:
+        """Take back the detail of planes, and of a map from before its rows were averaged."""
+        projection = self.params.planes.projection
+        if projection == 'full':
+            unfitted_values = self._map(restored if before is None else before)
+            return put_on_planes(unfitted_values, segments)
+        if before is None:
+            return restored
+        if segments.is_fitted.any():
+            return keep_agreeing(restored, before)
+        return fill_from_background(before) if projection == 'guarded' else before
 
     def _filter(self, values: FloatMap, left: Image, segments: PlaneSegmentation, threads: int
                 ) -> FloatMap:

@@ -59,6 +59,22 @@ def test_it_is_refined_as_the_same_map_from_outside(scene, method, projection):
     np.testing.assert_array_equal(own.segments.planes, external.segments.planes)
 
 
+@pytest.mark.parametrize('method', ['sgbm', 'scanline'])
+@pytest.mark.parametrize('ratio', [0.5, 0.97])
+def test_full_projection_puts_every_pixel_of_a_fitted_segment_on_its_plane(scene, method, ratio):
+    result = refiner(method, **{
+        'planes.projection': 'full', 'planes.min_inlier_ratio': ratio, 'filter.method': 'none',
+    }).process(scene.pair.left, scene.pair.right)
+    segments, values = result.segments, result.disparity.values
+    fitted = segments.is_fitted[segments.labels]
+    assert fitted.mean() > 0.3 and (ratio < 0.9 or fitted.mean() < 0.9)
+    y, x = np.nonzero(fitted)
+    a, b, c = segments.planes[segments.labels[fitted]].T
+    np.testing.assert_allclose(values[fitted], np.clip(a * x + b * y + c, 0, 23), atol=1e-5)
+    if method == 'sgbm':
+        np.testing.assert_array_equal(values[~fitted], result.preliminary.values[~fitted])
+
+
 def test_other_matchers_match_averaged_rows(scene):
     result = refiner('scanline').process(scene.pair.left, scene.pair.right)
     rows = result.preliminary.values.reshape(40, 3, 160)

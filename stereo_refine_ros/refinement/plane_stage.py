@@ -37,7 +37,7 @@ from stereo_refine_ros.refinement.projection import (
     ALIKE, choose_candidates, plane_disparities)
 from stereo_refine_ros.refinement.regions import ImageStructure
 from stereo_refine_ros.refinement.spreading import spread_disparities
-from stereo_refine_ros.types import FloatMap, LabelMap, PlaneSegmentation
+from stereo_refine_ros.types import DisparityMap, FloatMap, LabelMap, PlaneSegmentation
 
 # Fit data farther than this from the map to begin with are outliers of the matcher,
 _FIT_REACH = 2.0
@@ -73,10 +73,17 @@ def project_full(match: Match, structure: ImageStructure, params: PlaneParams,
     fits = fit_planes(structure.lists, match.fit_data, params, threads)
     is_fitted = fits.inlier_ratio >= max(params.min_inlier_ratio, 1e-6)
     planes = np.where(is_fitted[:, None], fits.planes, np.nan)
-    planes[is_fitted, 3:] = -np.inf, np.inf
-    projected = plane_disparities(structure.labels, planes, *_range(match))
-    values = np.where(np.isnan(projected), match.disparity.values, projected)
-    return _segments(structure, planes, is_fitted, fits), values
+    segments = _segments(structure, planes, is_fitted, fits)
+    return segments, put_on_planes(match.disparity, segments)
+
+
+def put_on_planes(disparity: DisparityMap, segments: PlaneSegmentation) -> FloatMap:
+    """Give every pixel of a fitted segment its plane, within the range; the others keep theirs."""
+    planes = np.full((len(segments.planes), 5), np.nan)
+    planes[segments.is_fitted, :3] = segments.planes[segments.is_fitted]
+    planes[:, 3:] = -np.inf, np.inf
+    projected = plane_disparities(segments.labels, planes, *_range(disparity))
+    return np.where(np.isnan(projected), disparity.values, projected)
 
 
 def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStructure,
@@ -110,7 +117,7 @@ def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStr
     near = np.where(np.abs(data - begin) <= _FIT_REACH, data, np.float32(np.nan))
     fits = fit_planes(structure.lists, near, params, threads)
     planes, own = _share(fits, structure, evidence, matched, params)
-    proposed = plane_disparities(structure.labels, planes, *_range(match))
+    proposed = plane_disparities(structure.labels, planes, *_range(match.disparity))
     if evidence is None:
         values = np.where(matched | np.isnan(proposed), begin, proposed)
     else:
@@ -164,6 +171,6 @@ def _segments(structure: ImageStructure, planes: NDArray[np.float64],
         structure.labels, np.ascontiguousarray(planes[:, :3]), is_fitted, fits.inlier_ratio)
 
 
-def _range(match: Match) -> tuple[float, float]:
-    first = match.disparity.min_disparity
-    return float(first), float(first + match.disparity.num_disparities - 1)
+def _range(disparity: DisparityMap) -> tuple[float, float]:
+    first = disparity.min_disparity
+    return float(first), float(first + disparity.num_disparities - 1)
