@@ -43,7 +43,7 @@ MATCHERS: dict[str, Matcher] = {
 
 # Quick enough for whole images, and without a cost volume of their own.
 OPENCV_MATCHERS = ('sgbm', 'bm')
-_BYTES_PER_CELL = 8  # of the cost volume, at the peak: 6.5 GB for 4096 x 3072 x 64
+_BYTES_PER_CELL = 8  # of the cost volume; at the peak 5.7 were measured (benchmarks/large_pair.py)
 
 
 def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
