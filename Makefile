@@ -26,6 +26,9 @@ OLDEST_PIP := $(OLDEST_VENV)/bin/python $(PIP_INSTALL)
 
 # Tests of the kernels: run compiled with all others, and once more as plain Python.
 KERNEL_TESTS := $(wildcard test/matching test/refinement test/quality)
+# All that needs no ROS.
+CORE_TESTS := $(KERNEL_TESTS) $(wildcard test/evaluation test/test_pipeline.py \
+	test/test_averaged_rows.py test/test_memory.py test/test_threads.py)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
@@ -55,7 +58,7 @@ test: $(TEST_STAMP)
 	$(BIN)/python -m pytest
 
 test-oldest: $(OLDEST_VENV)/.installed
-	$(OLDEST_VENV)/bin/python -m pytest -m 'not ros' $(KERNEL_TESTS)
+	$(OLDEST_VENV)/bin/python -m pytest -m 'not ros' $(CORE_TESTS)
 
 # Kernels are seen by coverage only as plain Python; the rest runs compiled, in all its processes.
 coverage: $(TEST_STAMP)
