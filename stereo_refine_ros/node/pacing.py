@@ -29,8 +29,9 @@ from rclpy.qos import QoSProfile
 REPLAY_QOS = QoSProfile(depth=10)
 _POLL_S = 0.02
 _SETTLED_S = 1.0
-# Acknowledgements may take until Fast DDS's next heartbeat, every three seconds.
-_DELIVERY_S = 4.0
+# A subscriber that found us later than we found it asks for what it missed only after a
+# heartbeat, and Fast DDS sends one every three seconds; on a loaded host some go unheard.
+_DELIVERY_S = 15.0
 
 
 def sleep_until(node: Node, deadline: float) -> bool:

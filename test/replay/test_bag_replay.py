@@ -95,13 +95,13 @@ def test_topics_can_be_chosen_and_remapped(listen, bag):
     with replaying('--bag', bag, '--rate', 4, '--topics', '/left/image_rect,/left/camera_info',
                    '--ros-args', '-r', '/left/image_rect:=/cam/left') as process:
         listener.wait(lambda: len(listener.received['/cam/left']) >= PAIRS)
-        out, _ = process.communicate(timeout=20)
+        out, _ = process.communicate(timeout=40)
     assert out == f'replay: published {2 * PAIRS} messages\n'
     assert listener.received['/right/image_rect'] == []
 
 
 def test_bag_without_the_topics_asked_for_is_refused(bag):
     with replaying('--bag', bag, '--topics', '/absent') as process:
-        _, err = process.communicate(timeout=20)
+        _, err = process.communicate(timeout=40)
     assert process.returncode == 1
     assert 'no messages that can be published' in err and 'Traceback' not in err

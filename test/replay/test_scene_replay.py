@@ -76,7 +76,7 @@ def test_scenes_at_a_rate_as_often_as_asked_in_grey_to_best_effort(listen):
     with replaying('--scene', 'tsukuba,venus', '--loop', 3, '--rate', 10,
                    '--encoding', 'mono8') as process:
         listener.wait(_has(listener, 6, names))
-        out, _ = process.communicate(timeout=20)
+        out, _ = process.communicate(timeout=40)
     assert (process.returncode, out.split()) == (0, ['replay:', 'published', '6', 'pairs'])
     messages = listener.received['left/image_rect']
     assert [message.width for message in messages] == [384, 434] * 3
@@ -97,7 +97,7 @@ def test_endless_loop_in_a_namespace_ends_clean_on_a_signal(listen, number):
                    '-r', 'right/image_rect:=/elsewhere') as process:
         listener.wait(lambda: all(len(got) > 3 for got in listener.received.values()))
         process.send_signal(number)
-        _, err = process.communicate(timeout=20)
+        _, err = process.communicate(timeout=40)
     assert process.returncode == 0
     assert 'Traceback' not in err
 
@@ -123,7 +123,7 @@ def test_folder_without_truth(listen, tmp_path):
     (['--rate', '0'], '--rate'), (['--bag', 'b', '--synthetic'], 'not allowed')])
 def test_what_cannot_be_played_is_one_clear_error(options, reason):
     with replaying(*options) as process:
-        out, err = process.communicate(timeout=20)
+        out, err = process.communicate(timeout=40)
     assert process.returncode in (1, 2)
     assert out == '' and 'Traceback' not in err
     assert reason in err.splitlines()[-1]
@@ -131,7 +131,7 @@ def test_what_cannot_be_played_is_one_clear_error(options, reason):
 
 def test_without_subscribers_it_says_so_and_plays():
     with replaying('--synthetic', '--wait', 0.3) as process:
-        out, err = process.communicate(timeout=20)
+        out, err = process.communicate(timeout=40)
     assert process.returncode == 0
     assert 'nobody subscribes to /left/image_rect after 0.3 s' in err
     assert 'published 1 pairs' in out
