@@ -16,26 +16,31 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from stereo_refine_ros.datasets.scene import Scene
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
+from stereo_refine_ros.quality.filling import fill_from_background
 from stereo_refine_ros.types import FloatMap
 
 _HOLES, _HOLE_SIDE = 60, 25
+_SLOWLY_PX = 8.0
 
 
 def external_maps(scene: Scene) -> dict[str, FloatMap]:
     """
-    Disturb the semi-global matcher's map of `scene` in the ways external maps are wrong.
+    Disturb the semi-global matcher's map of `scene`, and the truth, as external maps are wrong.
 
     Returns
     -------
     dict of str to float32 ndarray of shape (H, W)
         'noise': Gaussian, 1 px, and 5 % of the pixels anywhere in the search range;
         'holes': squares without data; 'offset': 3 px too much everywhere; 'constant': one
-        disparity, half the search range, for the whole image.
+        disparity, half the search range, for the whole image; 'network': the truth, dense, with
+        an error of 0.2 px that varies slowly; 'blobs': the truth, dense, but for 5 % of the
+        pixels in patches of one wrong disparity.
 
     """
     disparities = scene.num_disparities or 64
@@ -51,5 +56,11 @@ def external_maps(scene: Scene) -> dict[str, FloatMap]:
     for y, x in zip(*(rng.integers(0, size, _HOLES) for size in clean.shape), strict=True):
         holes[y:y + _HOLE_SIDE, x:x + _HOLE_SIDE] = np.nan
     constant = np.full_like(clean, disparities / 2)
+    assert scene.truth is not None
+    truth = fill_from_background(scene.truth)
+    slow = cv2.GaussianBlur(rng.normal(size=truth.shape), (0, 0), _SLOWLY_PX)
+    patches = np.where(slow > np.quantile(slow, 0.95), 0.6 * np.nanmax(truth), truth)
     return {'noise': np.clip(noise, 0, disparities - 1), 'holes': holes,
-            'offset': np.minimum(clean + 3, np.float32(disparities - 1)), 'constant': constant}
+            'offset': np.minimum(clean + 3, np.float32(disparities - 1)), 'constant': constant,
+            'network': (truth + 0.2 * slow / slow.std()).astype(np.float32),
+            'blobs': patches.astype(np.float32)}

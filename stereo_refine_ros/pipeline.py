@@ -35,6 +35,7 @@ from stereo_refine_ros.refinement.plane_stage import (
 from stereo_refine_ros.refinement.regions import describe_image, ImageStructure
 from stereo_refine_ros.refinement.row_binning import (
     bin_disparities, bin_rows, keep_agreeing, repeat_rows, restore_rows, rows_per_bin)
+from stereo_refine_ros.refinement.trust import find_overruled, follows_edges, take_back
 from stereo_refine_ros.threads import start
 from stereo_refine_ros.types import (
     DisparityMap, FloatMap, Image, PlaneSegmentation, RefinementResult, StereoPair)
@@ -99,14 +100,19 @@ class StereoRefiner:
         before = found.disparity.values
         structure = structure_task.result()
         with _timed(stage_ms, 'planes'):
-            match = Match(self._map(bin_disparities(before, rows))) if is_whole else found
+            match = (Match(self._map(bin_disparities(before, rows)), is_trusted=found.is_trusted)
+                     if is_whole else found)
             segments, projected = self._project(match, evidence, structure, threads, rows)
+            overruled = (find_overruled(projected, match.disparity.values, rows, len(left))
+                         if match.is_trusted else None)
             projected, segments = restore_rows(
                 projected, segments, binned.left, left, rows, threads)
             if rows > 1:
                 projected = self._at_full_size(projected, before if is_whole else None, segments)
         with _timed(stage_ms, 'filter'):
             refined = self._filter(projected, left, segments, threads)
+            if overruled is not None:
+                refined = take_back(refined, before, overruled)
         if not is_whole:
             before = repeat_rows(before, pair.shape[0], rows)
         return RefinementResult(
@@ -120,7 +126,9 @@ class StereoRefiner:
     def _match(self, pair: StereoPair, preliminary: FloatMap | None, threads: int) -> Match:
         if preliminary is None:
             return compute_match(pair, self.params.matching, threads)
-        return Match(self._map(preliminary))
+        is_guarded = self.params.planes.projection == 'guarded'
+        return Match(self._map(preliminary),
+                     is_trusted=is_guarded and follows_edges(preliminary, pair.left))
 
     def _evidence(self, pair: StereoPair, match: Match, threads: int) -> Evidence | None:
         """Gather what guards the projection; the scanline matcher has it already."""

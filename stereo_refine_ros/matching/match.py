@@ -38,6 +38,8 @@ class Match:
         the data that planes are fitted to. None where `disparity` itself is that.
     evidence : Evidence, or None
         The optimised cost volume, where the matcher has it.
+    is_trusted : bool
+        Whether a map from outside deserves more belief than the evidence (see `trust`).
 
     """
 
@@ -45,6 +47,7 @@ class Match:
     right: FloatMap | None = None
     subpixel: FloatMap | None = None
     evidence: Evidence | None = None
+    is_trusted: bool = False
 
     @property
     def fit_data(self) -> FloatMap:

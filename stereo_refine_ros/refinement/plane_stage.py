@@ -53,8 +53,9 @@ _SPREAD_MEDIAN = 3
 # of the image, and of disparity. Other matchers see to their own.
 _SPECKLE, _SPECKLE_STEP = 60, 2.0
 # Where the images speak for what a matcher said, a plane has to be this much better, in cost.
-# ... and better still where rows are averaged, which blurs what the images say of others' maps.
-_INERTIA, _BLURRED_INERTIA = 0.1, 0.4
+# ... better still where rows are averaged, which blurs what the images say of others' maps, and
+# by most of what a cost can be (three, in all) where a map is to be trusted.
+_INERTIA, _BLURRED_INERTIA, _TRUSTED_INERTIA = 0.1, 0.4, 2.3
 
 
 def unfitted(labels: LabelMap, count: int) -> PlaneSegmentation:
@@ -121,16 +122,21 @@ def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStr
     if evidence is None:
         values = np.where(matched | np.isnan(proposed), begin, proposed)
     else:
-        inertia = (0.0 if is_spread
-                   else _BLURRED_INERTIA if rows > 1 and match.evidence is None else _INERTIA)
+        inertia = 0.0 if is_spread else _inertia(match, rows)
         values = choose_candidates(proposed, begin, np.isfinite(kept), evidence,
-                                   structure.weights, inertia, threads)
+                                   structure.weights, inertia, match.is_trusted, threads)
     if is_spread:
         values = _with_subpixel(values, data, proposed)
     else:
         values = np.where(np.abs(kept - values) < ALIKE, kept, values)
     is_fitted = own & np.isfinite(planes[:, 0])
     return _segments(structure, planes, is_fitted, fits), values
+
+
+def _inertia(match: Match, rows: int) -> float:
+    if match.is_trusted:
+        return _TRUSTED_INERTIA
+    return _BLURRED_INERTIA if rows > 1 and match.evidence is None else _INERTIA
 
 
 def _confirmed(data: FloatMap, evidence: Evidence) -> FloatMap:

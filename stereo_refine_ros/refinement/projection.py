@@ -58,7 +58,7 @@ def plane_disparities(labels: LabelMap, planes: NDArray[np.float64], low: float,
 
 def choose_candidates(proposed: FloatMap, begin: FloatMap, is_given: NDArray[np.bool_],
                       evidence: Evidence, weights: NDArray[np.uint8], inertia: float = 0.0,
-                      threads: int = 1) -> FloatMap:
+                      is_trusted: bool = False, threads: int = 1) -> FloatMap:
     """
     Choose between the planes' disparities and those there were, pixel by pixel.
 
@@ -76,6 +76,8 @@ def choose_candidates(proposed: FloatMap, begin: FloatMap, is_given: NDArray[np.
         Edge weights of the image's pixel graph: who counts as a neighbour.
     inertia : float
         What a given disparity that the images do not contradict is worth, in units of cost.
+    is_trusted : bool
+        Whether all that was given is worth that, contradicted or not.
     threads : int
         At most.
 
@@ -89,7 +91,7 @@ def choose_candidates(proposed: FloatMap, begin: FloatMap, is_given: NDArray[np.
             evidence.num_disparities, TOTAL_UNIT)
     gain = np.empty_like(proposed)
     run_bands(_gain_kernel, proposed.shape[0], threads, proposed, begin, is_given, view,
-              inertia, gain)
+              inertia, is_trusted, gain)
     return np.where(sweep(gain, weights, _VOTE_SIGMA) >= 0, begin, proposed)
 
 
@@ -106,7 +108,8 @@ def _plane_kernel(labels, planes, low, high, values):
 
 
 @njit(cache=True, nogil=True)
-def _gain_kernel(start, stop, proposed, other, is_given, evidence, inertia, gain):
+def _gain_kernel(start, stop, proposed, other, is_given, evidence, inertia, is_trusted,
+                 gain):
     """Set what `other` costs less than `proposed`, rows start..stop; 0 where they are one."""
     for y in range(start, stop):
         for x in range(proposed.shape[1]):
@@ -116,7 +119,7 @@ def _gain_kernel(start, stop, proposed, other, is_given, evidence, inertia, gain
             kept, is_visible = _candidate_cost(y, x, other[y, x], evidence)
             cost, _ = _candidate_cost(y, x, proposed[y, x], evidence)
             if is_given[y, x]:
-                if is_visible and kept < _UNCONTESTED:
+                if is_trusted or (is_visible and kept < _UNCONTESTED):
                     cost += inertia
             elif not is_visible:
                 kept += _BLIND_GUESS

@@ -33,9 +33,9 @@ from stereo_refine_ros.params import ProcessingParams
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, Image, PlaneSegmentation, StereoPair
 
-# Rows that differ by less than this lie on one surface: interpolate between them, in pixels.
 # What a pixel costs besides its disparities, in disparities: fewer of them save little else.
 _PIXEL_CELLS = 32
+# Rows that differ by less than this lie on one surface: interpolate between them, in pixels.
 _SAME_SURFACE = 1.0
 # Grey levels (summed over three channels) that a step away in rows or columns weighs.
 _ROW_WEIGHT, _COLUMN_WEIGHT = 10.0, 8.0

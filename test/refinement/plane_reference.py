@@ -189,14 +189,15 @@ def is_hidden(evidence, values):
     return costs == projection._INVISIBLE
 
 
-def gain(evidence, proposed, other, is_given, inertia=0.0):
+def gain(evidence, proposed, other, is_given, inertia=0.0, is_trusted=False):
     """Return what another map costs less than the proposed one, 0 where they are alike."""
     blind_guess = np.where(is_given, 0.0, projection._BLIND_GUESS)
     kept = projection_cost(evidence, other, blind_guess)
     lower = projection_cost(evidence, proposed, np.zeros(other.shape)) - kept
-    is_uncontested = is_given & (kept < projection._UNCONTESTED) & ~is_hidden(evidence, other)
+    is_uncontested = (kept < projection._UNCONTESTED) & ~is_hidden(evidence, other)
+    is_worth_it = is_given & (is_trusted | is_uncontested)
     is_other = np.abs(proposed - other) >= projection.ALIKE
-    return np.where(is_other, lower + inertia * is_uncontested, 0.0).astype(np.float32)
+    return np.where(is_other, lower + inertia * is_worth_it, 0.0).astype(np.float32)
 
 
 def selection_cost(evidence, x, y, d, is_matched):

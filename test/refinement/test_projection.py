@@ -71,19 +71,20 @@ def test_planes_end_a_little_beyond_where_they_were_seen():
     assert values.max() == 9 + reach < 0.5 * 29 + 2
 
 
-@pytest.mark.parametrize('inertia', [0.0, 0.4])
+@pytest.mark.parametrize('inertia, is_trusted', [(0.0, False), (0.4, False), (1.0, True)])
 @pytest.mark.parametrize('seed, min_disparity', [(0, 0), (1, -3), (2, 2), (3, 1), (4, 6)])
-def test_the_candidate_with_the_most_votes_wins(seed, min_disparity, inertia):
+def test_the_candidate_with_the_most_votes_wins(seed, min_disparity, inertia, is_trusted):
     evidence, weights, rng = problem(seed, (9, 14), min_disparity)
     begin, planes_say = rng.uniform(min_disparity - 3, min_disparity + 9, (2, 9, 14)).astype(
         np.float32)
     begin[:4] = planes_say[:4] + np.float32(0.1)
     proposed = np.where(rng.random((9, 14)) < 0.2, np.float32(np.nan), planes_say)
     is_given = rng.random((9, 14)) < 0.5
-    chosen = choose_candidates(proposed, begin, is_given, evidence, weights, inertia)
+    chosen = choose_candidates(
+        proposed, begin, is_given, evidence, weights, inertia, is_trusted)
     filled = np.where(np.isnan(proposed), begin, proposed)
-    votes = sweep(plane_reference.gain(evidence, filled, begin, is_given, inertia), weights,
-                  projection._VOTE_SIGMA)
+    gain = plane_reference.gain(evidence, filled, begin, is_given, inertia, is_trusted)
+    votes = sweep(gain, weights, projection._VOTE_SIGMA)
     np.testing.assert_array_equal(chosen, np.where(votes >= 0, begin, filled))
     assert 0 < np.count_nonzero(chosen != begin) < chosen.size
 
@@ -97,6 +98,16 @@ def test_inertia_counts_only_where_something_given_is_uncontested():
     assert set(np.rint(rise).reshape(-1).tolist()) == {0.0, 1.0}
     assert not rise[~is_given].any()
     assert not rise[plane_reference.is_hidden(evidence, begin)].any()
+
+
+def test_what_is_trusted_is_worth_it_wherever_it_was_given():
+    evidence, _, rng = problem(0)
+    begin, proposed = rng.uniform(0, 6, (2, 9, 14)).astype(np.float32)
+    is_given = rng.random((9, 14)) < 0.5
+    rise = (plane_reference.gain(evidence, proposed, begin, is_given, 1.0, is_trusted=True)
+            - plane_reference.gain(evidence, proposed, begin, is_given))
+    differs = np.abs(proposed - begin) >= projection.ALIKE
+    np.testing.assert_array_equal(np.rint(rise), is_given & differs)
 
 
 def test_where_nothing_tells_candidates_apart_the_first_is_kept():

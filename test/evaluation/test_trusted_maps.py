@@ -1,0 +1,84 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Real scenes: good maps from outside are kept, and matchers' maps are not taken for such."""
+
+import os
+
+import cv2
+import numpy as np
+import pytest
+
+from stereo_refine_ros.datasets import find_data, load_scene
+from stereo_refine_ros.params import load_preset
+from stereo_refine_ros.pipeline import StereoRefiner
+from stereo_refine_ros.quality.disparity_errors import bad_percent
+from stereo_refine_ros.quality.filling import fill_from_background
+from stereo_refine_ros.refinement import trust
+
+SCENES = ('tsukuba', 'venus', 'teddy', 'cones', 'Art', 'Dolls', 'sawtooth', 'Adirondack')
+
+
+@pytest.fixture(params=SCENES)
+def scene(request):
+    path = find_data() / request.param
+    if not path.is_dir():
+        (pytest.fail if os.environ.get('CI') else pytest.skip)(f'{path} is not there')
+    return load_scene(path.name, path.parent)
+
+
+def as_a_network_sees_it(truth):
+    """Return a dense map with an error of 0.2 px that changes slowly from place to place."""
+    error = cv2.GaussianBlur(np.random.default_rng(0).normal(size=truth.shape), (0, 0), 8)
+    return (fill_from_background(truth) + 0.2 * error / error.std()).astype(np.float32)
+
+
+def refined(scene, values, preset):
+    params = load_preset(preset, {'matching.method': 'external',
+                                  'matching.num_disparities': scene.num_disparities})
+    return StereoRefiner(params).process(
+        scene.pair.left, scene.pair.right, values).disparity.values
+
+
+@pytest.mark.parametrize('preset', ['live', 'accurate'])
+def test_a_good_map_is_not_made_worse(scene, preset):
+    for values in (scene.truth, as_a_network_sees_it(scene.truth)):
+        before, after = (bad_percent(fill_from_background(each), scene.truth, 1.0)
+                         for each in (values, refined(scene, values, preset)))
+        assert before < 0.01 and after < before + 0.06
+
+
+@pytest.mark.parametrize('preset', ['live', 'accurate'])
+def test_what_is_plainly_wrong_in_a_good_map_is_found(scene, preset):
+    values = fill_from_background(scene.truth)
+    wrong = cv2.GaussianBlur(np.random.default_rng(1).normal(size=values.shape), (0, 0), 10)
+    values[wrong > np.quantile(wrong, 0.95)] = 0.6 * np.nanmax(values)
+    before, after = (bad_percent(each, scene.truth, 1.0)
+                     for each in (values, refined(scene, values, preset)))
+    assert 3.0 < before < 5.1 and after < 0.9 * before
+
+
+def test_the_shares_of_steps_at_edges_are_far_apart(scene):
+    def least_share(values):
+        steps, hits = trust.count_steps(values, scene.pair.left)
+        return (hits / np.maximum(steps, 1)).min()
+
+    params = load_preset('live', {
+        'matching.method': 'sgbm', 'matching.num_disparities': scene.num_disparities,
+        'planes.projection': 'off', 'filter.method': 'none'})
+    matched = StereoRefiner(params).process(scene.pair.left, scene.pair.right).preliminary.values
+    assert least_share(matched) < trust._TRUSTED_SHARE - 0.1
+    assert least_share(scene.truth) > trust._TRUSTED_SHARE + 0.04
+    assert not trust.follows_edges(matched, scene.pair.left)
+    assert trust.follows_edges(scene.truth, scene.pair.left)
