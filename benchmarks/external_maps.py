@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from stereo_refine_ros.datasets.scene import Scene
 from stereo_refine_ros.params import load_preset
@@ -58,9 +59,24 @@ def external_maps(scene: Scene) -> dict[str, FloatMap]:
     constant = np.full_like(clean, disparities / 2)
     assert scene.truth is not None
     truth = fill_from_background(scene.truth)
-    slow = cv2.GaussianBlur(rng.normal(size=truth.shape), (0, 0), _SLOWLY_PX)
-    patches = np.where(slow > np.quantile(slow, 0.95), 0.6 * np.nanmax(truth), truth)
+    slow = slow_noise(rng, truth.shape, _SLOWLY_PX)
     return {'noise': np.clip(noise, 0, disparities - 1), 'holes': holes,
             'offset': np.minimum(clean + 3, np.float32(disparities - 1)), 'constant': constant,
-            'network': (truth + 0.2 * slow / slow.std()).astype(np.float32),
-            'blobs': patches.astype(np.float32)}
+            'network': network_map(truth, slow), 'blobs': map_with_blobs(truth, slow)}
+
+
+def slow_noise(rng: np.random.Generator, shape: tuple[int, ...], sigma_px: float
+               ) -> NDArray[np.float64]:
+    """Return noise that varies slowly from place to place, float64 of the shape."""
+    return cv2.GaussianBlur(rng.normal(size=shape), (0, 0), sigma_px)
+
+
+def network_map(truth: FloatMap, slow: NDArray[np.float64]) -> FloatMap:
+    """Return the dense truth with an error of 0.2 px that varies as `slow_noise`."""
+    return (truth + 0.2 * slow / slow.std()).astype(np.float32)
+
+
+def map_with_blobs(truth: FloatMap, slow: NDArray[np.float64]) -> FloatMap:
+    """Return the dense truth with one wrong disparity where `slow_noise` is largest, 5 %."""
+    wrong = slow > np.quantile(slow, 0.95)
+    return np.where(wrong, 0.6 * np.nanmax(truth), truth).astype(np.float32)

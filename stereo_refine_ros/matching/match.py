@@ -39,7 +39,7 @@ class Match:
     evidence : Evidence, or None
         The optimised cost volume, where the matcher has it.
     is_trusted : bool
-        Whether a map from outside deserves more belief than the evidence (see `trust`).
+        Whether a map from outside deserves more belief than the evidence (see `refinement.trust`).
 
     """
 

@@ -28,6 +28,7 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.matching.pixel_graph import edge_weights
 from stereo_refine_ros.types import FloatMap, Image
 
 # A step of the map is the steepest rise of a row within _SLOPE pixels: by _STEEP at least, and
@@ -39,8 +40,8 @@ _EDGE, _REACH, _NEAR = 10, 4, 1
 # A map is trusted when of its steps up, and of its steps down, so many are sharp and at edges.
 # test/evaluation/test_trusted_maps.py: ground truth has more, a semi-global matcher's map less.
 _TRUSTED_SHARE = 0.52
-# Few steps prove little: in standard deviations of the count, which are at most sqrt(n) / 2.
-_DOUBT = 1.0
+# Few steps prove little: a standard deviation of the count, in square roots of it, is at most:
+_DOUBT = 0.5
 # What differs by more is another surface, pixels; and whole regions must: pixels of the image.
 _OTHER_SURFACE, _LEAST_REGION = 1.0, 100
 _OUTLINE = np.ones((3, 3), np.uint8)
@@ -64,12 +65,12 @@ def follows_edges(values: FloatMap, image: Image) -> bool:
 
     """
     steps, hits = count_steps(values, image)
-    return bool(np.all(hits > _TRUSTED_SHARE * steps + _DOUBT * 0.5 * np.sqrt(steps)))
+    return bool(np.all(hits > _TRUSTED_SHARE * steps + _DOUBT * np.sqrt(steps)))
 
 
 def count_steps(values: FloatMap, image: Image) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Count the steps along rows near any edge, and the sharp ones at it; [down, up] of each."""
-    return _count_kernel(values, image.reshape(*values.shape, -1))
+    return _count_kernel(values, edge_weights(image))
 
 
 def find_overruled(projected: FloatMap, given: FloatMap, rows: int, height: int
@@ -125,8 +126,8 @@ def take_back(refined: FloatMap, given: FloatMap, overruled: NDArray[np.bool_]) 
 
 
 @njit(cache=True, nogil=True)
-def _count_kernel(values, image):
-    height, width, _ = image.shape
+def _count_kernel(values, weights):
+    height, width = values.shape
     steps, hits = np.zeros(2), np.zeros(2)
     for y in range(height):
         row = values[y]
@@ -138,7 +139,7 @@ def _count_kernel(values, image):
             whole = abs(row[min(x + _SLOPE, width - 2) + 1] - row[max(x - _SLOPE, 0)])
             if max(rise, whole) <= _STEP:
                 continue
-            edge = _strongest_edge(image[y], x)
+            edge = _strongest_edge(weights[y, :, 0], x)
             if edge < 0:
                 continue
             side = int(row[x + 1] > row[x])
@@ -160,13 +161,9 @@ def _is_steepest(row, x, rise):
 
 @njit(cache=True, nogil=True)
 def _strongest_edge(row, x):
-    """Return the column left of the largest colour change around x, -1 where all are small."""
-    width, channels = row.shape
+    """Return the column of the largest weight around x, -1 where all are small."""
     strongest, place = _EDGE - 1, -1
-    for i in range(max(x - _REACH, 0), min(x + _REACH + 1, width - 1)):
-        change = 0
-        for c in range(channels):
-            change = max(change, abs(np.int32(row[i + 1, c]) - np.int32(row[i, c])))
-        if change > strongest:
-            strongest, place = change, i
+    for i in range(max(x - _REACH, 0), min(x + _REACH + 1, row.shape[0] - 1)):
+        if row[i] > strongest:
+            strongest, place = np.int64(row[i]), i
     return place

@@ -17,8 +17,9 @@
 import os
 
 import pytest
+from real_scenes import real_scene_folder
 
-from stereo_refine_ros.datasets import find_data, load_scene
+from stereo_refine_ros.datasets import load_scene
 from stereo_refine_ros.evaluation.runner import evaluate_scene, Plan
 
 MATCHINGS = ('segment_tree', 'non_local')
@@ -28,10 +29,10 @@ FILTERS = ('weighted_median', 'guided', 'trilateral', 'box')
 @pytest.mark.skipif(os.environ.get('NUMBA_DISABLE_JIT') == '1', reason='full-size images')
 @pytest.mark.parametrize('scene', ['cones', 'teddy', 'venus'])
 def test_planes_improve_all_metrics_and_add_no_wrong_pixels(scene):
-    if not (find_data() / scene).is_dir():
-        (pytest.fail if os.environ.get('CI') else pytest.skip)(f'{scene} is not there')
+    folder = real_scene_folder(scene)
     plan = Plan(preset='paper', matchings=MATCHINGS, filters=FILTERS, repeat=1)
-    rows = [row for outcome in evaluate_scene(load_scene(scene), plan) for row in outcome.rows]
+    outcomes = evaluate_scene(load_scene(scene, folder.parent), plan)
+    rows = [row for outcome in outcomes for row in outcome.rows]
     stages = {stage: {(row['matching'], row['filter']): row
                       for row in rows if row['stage'] == stage}
               for stage in ('before', 'after')}

@@ -14,14 +14,13 @@
 
 """Rows of real scenes against figures computed from the raw files, without the package."""
 
-import os
-
 import cv2
 import numpy as np
 import pytest
+from real_scenes import real_scene_folder
 from skimage.metrics import structural_similarity
 
-from stereo_refine_ros.datasets import find_data, load_scene
+from stereo_refine_ros.datasets import load_scene
 from stereo_refine_ros.evaluation.runner import evaluate_scene, measure_stage, Plan
 from stereo_refine_ros.quality.filling import fill_from_background
 
@@ -30,10 +29,7 @@ SCALE = {'tsukuba': 16, 'venus': 8, 'cones': 4}
 
 @pytest.fixture(params=SCALE)
 def folder(request):
-    path = find_data() / request.param
-    if not path.is_dir():
-        (pytest.fail if os.environ.get('CI') else pytest.skip)(f'{path} is not there')
-    return path
+    return real_scene_folder(request.param)
 
 
 def raw(path):

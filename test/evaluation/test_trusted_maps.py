@@ -14,13 +14,12 @@
 
 """Real scenes: good maps from outside are kept, and matchers' maps are not taken for such."""
 
-import os
-
-import cv2
+from external_maps import map_with_blobs, network_map, slow_noise
 import numpy as np
 import pytest
+from real_scenes import real_scene_folder
 
-from stereo_refine_ros.datasets import find_data, load_scene
+from stereo_refine_ros.datasets import load_scene
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.disparity_errors import bad_percent
@@ -32,16 +31,8 @@ SCENES = ('tsukuba', 'venus', 'teddy', 'cones', 'Art', 'Dolls', 'sawtooth', 'Adi
 
 @pytest.fixture(params=SCENES)
 def scene(request):
-    path = find_data() / request.param
-    if not path.is_dir():
-        (pytest.fail if os.environ.get('CI') else pytest.skip)(f'{path} is not there')
+    path = real_scene_folder(request.param)
     return load_scene(path.name, path.parent)
-
-
-def as_a_network_sees_it(truth):
-    """Return a dense map with an error of 0.2 px that changes slowly from place to place."""
-    error = cv2.GaussianBlur(np.random.default_rng(0).normal(size=truth.shape), (0, 0), 8)
-    return (fill_from_background(truth) + 0.2 * error / error.std()).astype(np.float32)
 
 
 def refined(scene, values, preset):
@@ -53,7 +44,8 @@ def refined(scene, values, preset):
 
 @pytest.mark.parametrize('preset', ['live', 'accurate'])
 def test_a_good_map_is_not_made_worse(scene, preset):
-    for values in (scene.truth, as_a_network_sees_it(scene.truth)):
+    slow = slow_noise(np.random.default_rng(0), scene.truth.shape, 8)
+    for values in (scene.truth, network_map(fill_from_background(scene.truth), slow)):
         before, after = (bad_percent(fill_from_background(each), scene.truth, 1.0)
                          for each in (values, refined(scene, values, preset)))
         assert before < 0.01 and after < before + 0.06
@@ -61,9 +53,8 @@ def test_a_good_map_is_not_made_worse(scene, preset):
 
 @pytest.mark.parametrize('preset', ['live', 'accurate'])
 def test_what_is_plainly_wrong_in_a_good_map_is_found(scene, preset):
-    values = fill_from_background(scene.truth)
-    wrong = cv2.GaussianBlur(np.random.default_rng(1).normal(size=values.shape), (0, 0), 10)
-    values[wrong > np.quantile(wrong, 0.95)] = 0.6 * np.nanmax(values)
+    slow = slow_noise(np.random.default_rng(1), scene.truth.shape, 10)
+    values = map_with_blobs(fill_from_background(scene.truth), slow)
     before, after = (bad_percent(each, scene.truth, 1.0)
                      for each in (values, refined(scene, values, preset)))
     assert 3.0 < before < 5.1 and after < 0.9 * before

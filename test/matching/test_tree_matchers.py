@@ -18,8 +18,9 @@ import os
 
 import numpy as np
 import pytest
+from real_scenes import real_scene_folder
 
-from stereo_refine_ros.datasets import find_data, load_scene
+from stereo_refine_ros.datasets import load_scene
 from stereo_refine_ros.datasets.synthetic import render_scene
 from stereo_refine_ros.matching import compute_match
 from stereo_refine_ros.params import MatchingParams
@@ -112,12 +113,10 @@ def test_images_narrower_than_the_range(shape, count):
 @pytest.mark.skipif(os.environ.get('NUMBA_DISABLE_JIT') == '1', reason='full-size images')
 @pytest.mark.parametrize('method', METHODS)
 def test_average_over_the_v2_evaluation_reaches_the_anchor(method):
-    missing = [name for name in V2_SCENES if not (find_data() / name).is_dir()]
-    if missing:
-        (pytest.fail if os.environ.get('CI') else pytest.skip)(f'{missing} are not there')
+    folders = {name: real_scene_folder(name) for name in V2_SCENES}
     columns = []
     for name, count in V2_SCENES.items():
-        scene = load_scene(name)
+        scene = load_scene(name, folders[name].parent)
         values = compute_match(
             scene.pair, MatchingParams(method=method, num_disparities=count), 2).disparity.values
         columns += [bad_percent(values, scene.truth, 1.0, scene.masks[region])

@@ -66,7 +66,7 @@ def test_steps_are_counted_as_slowly(seed, shape):
     rng = np.random.default_rng(seed)
     values = np.cumsum(rng.choice([0, 0, 0, 0.8, -0.8, 2, -2, 6, -6], shape), axis=1)
     values[rng.random(shape) < 0.05] = NAN
-    image = rng.integers(0, 256, (*shape, 3), dtype=np.uint8) // rng.choice([1, 12, 40])
+    image = rng.integers(0, 256, (*shape, 3), dtype=np.uint8) // np.uint8(rng.choice([1, 12, 40]))
     for view in (image, image[..., 0]):
         steps, hits = count_steps(values.astype(np.float32), view)
         expected = reference_counts(values.astype(np.float32), view)

@@ -102,6 +102,6 @@ def test_topics_can_be_chosen_and_remapped(listen, bag):
 
 def test_bag_without_the_topics_asked_for_is_refused(bag):
     with replaying('--bag', bag, '--topics', '/absent') as process:
-        _, err = process.communicate(timeout=40)
+        _, err = process.communicate(timeout=20)
     assert process.returncode == 1
     assert 'no messages that can be published' in err and 'Traceback' not in err

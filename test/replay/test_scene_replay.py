@@ -97,7 +97,7 @@ def test_endless_loop_in_a_namespace_ends_clean_on_a_signal(listen, number):
                    '-r', 'right/image_rect:=/elsewhere') as process:
         listener.wait(lambda: all(len(got) > 3 for got in listener.received.values()))
         process.send_signal(number)
-        _, err = process.communicate(timeout=40)
+        _, err = process.communicate(timeout=20)
     assert process.returncode == 0
     assert 'Traceback' not in err
 
@@ -123,7 +123,7 @@ def test_folder_without_truth(listen, tmp_path):
     (['--rate', '0'], '--rate'), (['--bag', 'b', '--synthetic'], 'not allowed')])
 def test_what_cannot_be_played_is_one_clear_error(options, reason):
     with replaying(*options) as process:
-        out, err = process.communicate(timeout=40)
+        out, err = process.communicate(timeout=20)
     assert process.returncode in (1, 2)
     assert out == '' and 'Traceback' not in err
     assert reason in err.splitlines()[-1]
@@ -131,7 +131,7 @@ def test_what_cannot_be_played_is_one_clear_error(options, reason):
 
 def test_without_subscribers_it_says_so_and_plays():
     with replaying('--synthetic', '--wait', 0.3) as process:
-        out, err = process.communicate(timeout=40)
+        out, err = process.communicate(timeout=20)
     assert process.returncode == 0
     assert 'nobody subscribes to /left/image_rect after 0.3 s' in err
     assert 'published 1 pairs' in out
