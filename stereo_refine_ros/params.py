@@ -32,6 +32,7 @@ import yaml
 PRESETS = ('live', 'accurate', 'paper')
 MATCHERS = ('sgbm', 'bm', 'segment_tree', 'non_local', 'scanline', 'external')
 PROJECTIONS = ('full', 'guarded', 'off')
+TRANSPORTS = ('raw', 'compressed')
 FILTERS = ('none', 'box', 'weighted_median', 'guided', 'trilateral', 'bilateral', 'median')
 
 
@@ -60,6 +61,9 @@ class MatchingParams:
     method: str = _choice('scanline', MATCHERS, 'matcher that makes the preliminary disparity')
     min_disparity: int = _integer(0, -2048, 2048, 'px', 'smallest disparity searched')
     num_disparities: int = _integer(64, 1, 2048, 'px', 'number of disparities searched')
+    nearest: float = _number(
+        0.0, 0.0, 1000.0, 'm', 'node: nearest distance wanted, instead of num_disparities, once '
+        'camera_info is there; 0: num_disparities')
     nonlocal_refinement: bool = _flag(
         True, 'segment_tree, non_local: spread the stable disparities over the tree (Yang 2012)')
     second_pass: bool = _flag(
@@ -130,6 +134,54 @@ class ProcessingParams:
 
 
 @dataclass(frozen=True)
+class RectificationParams:
+    """What is undone of the camera's faults before matching."""
+
+    correct: bool = _flag(
+        True, 'undo the row offset between the views that is found in the images')
+
+
+@dataclass(frozen=True)
+class TemporalParams:
+    """Use of what was found in the last frame."""
+
+    enabled: bool = _flag(
+        True, 'planes and disparities of the last frame may serve again where the image did not '
+        'change; false: the same bits whatever came before')
+
+
+@dataclass(frozen=True)
+class InputsParams:
+    """What kind of messages the images come as."""
+
+    image_transport: str = _choice(
+        'raw', TRANSPORTS, 'raw: sensor_msgs/Image; compressed: <topic>/compressed')
+    rectify: bool = _flag(
+        False, 'the images are raw: rectify them by K, D, R and P of camera_info')
+
+
+@dataclass(frozen=True)
+class CameraParams:
+    """Calibration for cameras whose camera_info has none."""
+
+    baseline: float = _number(
+        0.0, 0.0, 100.0, 'm', 'distance of the cameras instead of that of camera_info; 0: theirs')
+    focal_length: float = _number(
+        0.0, 0.0, 100000.0, 'px', 'focal length instead of that of camera_info; 0: theirs')
+
+
+@dataclass(frozen=True)
+class OutputParams:
+    """What is published of a frame."""
+
+    min_confidence: float = _number(
+        0.5, 0.0, 1.0, 'probability', 'disparity, depth and points: pixels less sure than this '
+        'are invalid; 0 publishes the dense map')
+    max_depth: float = _number(
+        0.0, 0.0, 100000.0, 'm', 'points: farther ones are left out; 0: none are')
+
+
+@dataclass(frozen=True)
 class Params:
     """
     One consistent set of parameters; read as `params.matching.method` or by dotted name.
@@ -142,6 +194,11 @@ class Params:
     segmentation: SegmentationParams = field(default_factory=SegmentationParams)
     planes: PlaneParams = field(default_factory=PlaneParams)
     filter: FilterParams = field(default_factory=FilterParams)
+    rectification: RectificationParams = field(default_factory=RectificationParams)
+    temporal: TemporalParams = field(default_factory=TemporalParams)
+    output: OutputParams = field(default_factory=OutputParams)
+    inputs: InputsParams = field(default_factory=InputsParams)
+    camera: CameraParams = field(default_factory=CameraParams)
     sync: SyncParams = field(default_factory=SyncParams)
     processing: ProcessingParams = field(default_factory=ProcessingParams)
 

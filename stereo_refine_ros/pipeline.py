@@ -38,7 +38,7 @@ from stereo_refine_ros.refinement.row_binning import (
 from stereo_refine_ros.refinement.trust import find_overruled, follows_edges, take_back
 from stereo_refine_ros.threads import start
 from stereo_refine_ros.types import (
-    DisparityMap, FloatMap, Image, PlaneSegmentation, RefinementResult, StereoPair)
+    DisparityMap, FloatMap, Image, PairHealth, PlaneSegmentation, RefinementResult, StereoPair)
 
 
 class StereoRefiner:
@@ -116,8 +116,9 @@ class StereoRefiner:
         if not is_whole:
             before = repeat_rows(before, pair.shape[0], rows)
         return RefinementResult(
-            self._map(refined), self._map(before), segments, _lr_ratio(found), stage_ms,
-            (time.perf_counter() - begin) * 1e3)
+            self._map(refined), self._map(before), segments, _lr_ratio(found),
+            stage_ms, (time.perf_counter() - begin) * 1e3,
+            np.where(np.isfinite(before), np.float32(0.9), np.float32(0.3)), PairHealth())
 
     def _describe(self, image: Image, stage_ms: dict[str, float]) -> ImageStructure:
         with _timed(stage_ms, 'segmentation'):

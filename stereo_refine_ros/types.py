@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,6 +155,58 @@ class PlaneSegmentation:
     inlier_ratio: FloatMap
 
 
+@dataclass(frozen=True)
+class PairHealth:
+    """
+    What one pair of images says of the cameras that took it; NaN where it says nothing.
+
+    Attributes
+    ----------
+    row_offset_px : float
+        Largest vertical disagreement of the two views found, before correction, pixels.
+    gain_ratio : float
+        Brightness of the right view over that of the left.
+    noise_sigma : float
+        Standard deviation of the sensor noise of the left view, grey levels.
+    matched_ratio : float
+        Share of pixels on which the own matches of both views agree.
+    last_disparity_ratio : float
+        Share of these matches at the last disparities of the range: things nearer than it.
+    upside_down_ratio : float
+        What `matched_ratio` would be with the right view turned upside down, a coarse look.
+    swapped_ratio : float
+        ... and with left and right exchanged.
+    sharpness_ratio : float
+        Detail of the blurrier view over that of the sharper one, 0..1.
+    saturated_ratio : float
+        Share of the left view's pixels that are black or white.
+    contrast_left, contrast_right : float
+        Standard deviation of each view, grey levels: near 0 for a black or covered lens.
+    is_same_image : bool
+        Whether both views are one image.
+    fits_right_better : bool
+        Whether an external map explains the right view's edges better than the left's.
+    given_agreement : float
+        Share of the surely matched pixels on which an external map agrees with the own match.
+
+    """
+
+    row_offset_px: float = math.nan
+    gain_ratio: float = math.nan
+    noise_sigma: float = math.nan
+    matched_ratio: float = math.nan
+    last_disparity_ratio: float = math.nan
+    upside_down_ratio: float = math.nan
+    swapped_ratio: float = math.nan
+    sharpness_ratio: float = math.nan
+    saturated_ratio: float = math.nan
+    contrast_left: float = math.nan
+    contrast_right: float = math.nan
+    is_same_image: bool = False
+    fits_right_better: bool = False
+    given_agreement: float = math.nan
+
+
 @dataclass(frozen=True, eq=False)
 class RefinementResult:
     """
@@ -162,10 +215,13 @@ class RefinementResult:
     Attributes
     ----------
     disparity : DisparityMap
-        The refined map.
+        The refined map, dense.
+    confidence : float32 ndarray of shape (H, W), 0..1
+        How likely each disparity is within 1 px of the truth.
     preliminary : DisparityMap
         The matcher's map (or the external one) that was refined.
     segments : PlaneSegmentation
+    health : PairHealth
     lr_consistent_ratio : float
         Share of pixels that passed the left-right check, NaN where no right map exists.
     stage_ms : dict of str to float
@@ -182,3 +238,5 @@ class RefinementResult:
     lr_consistent_ratio: float
     stage_ms: dict[str, float] = field(default_factory=dict)
     total_ms: float = 0.0
+    confidence: FloatMap = field(default_factory=lambda: np.zeros((0, 0), np.float32))
+    health: PairHealth = PairHealth()

@@ -259,4 +259,6 @@ def _unrefined(decoded: DecodedFrame, params: Params, threads: int) -> Refinemen
     stage_ms = dict.fromkeys(_STAGES, 0.0)
     stage_ms['matching'] = (time.perf_counter() - start) * 1e3
     segments = unfitted(np.zeros(decoded.pair.shape, np.int32), 1)
-    return RefinementResult(disparity, disparity, segments, math.nan, stage_ms)
+    return RefinementResult(
+        disparity, disparity, segments, math.nan,
+        stage_ms, confidence=disparity.valid.astype(np.float32))
