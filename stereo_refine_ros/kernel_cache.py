@@ -50,7 +50,7 @@ def use_versioned_cache() -> None:
 def _digest_of_sources() -> str:
     digest = hashlib.sha256()
     root = Path(__file__).resolve().parent
-    for folder in ('matching', 'quality', 'refinement'):
+    for folder in ('graph', 'matching', 'quality', 'refinement'):
         for path in sorted((root / folder).glob('*.py')):
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]

@@ -22,6 +22,7 @@ import time
 
 import numpy as np
 
+from stereo_refine_ros.graph.segment_graph import build_segment_graph, SegmentGraph
 from stereo_refine_ros.matching import compute_match, OPENCV_MATCHERS
 from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.matching.match import Match
@@ -32,7 +33,6 @@ from stereo_refine_ros.quality.filling import fill_from_background
 from stereo_refine_ros.refinement.filters import apply_filter
 from stereo_refine_ros.refinement.plane_stage import (
     project_full, project_guarded, put_on_planes, unfitted)
-from stereo_refine_ros.refinement.regions import describe_image, ImageStructure
 from stereo_refine_ros.refinement.row_binning import (
     bin_disparities, bin_rows, keep_agreeing, repeat_rows, restore_rows, rows_per_bin)
 from stereo_refine_ros.refinement.trust import find_overruled, follows_edges, take_back
@@ -93,16 +93,16 @@ class StereoRefiner:
         stage_ms: dict[str, float] = {}
         binned = bin_rows(pair, rows)
         # The segments need no disparity: they are found beside the matching.
-        structure_task = start(threads, self._describe, binned.left, stage_ms)
+        graph_task = start(threads, self._segment, binned.left, stage_ms)
         with _timed(stage_ms, 'matching'):
             found = self._match(pair if is_whole else binned, preliminary, threads)
             evidence = self._evidence(binned, found, threads)
         before = found.disparity.values
-        structure = structure_task.result()
+        graph = graph_task.result()
         with _timed(stage_ms, 'planes'):
             match = (Match(self._map(bin_disparities(before, rows)), is_trusted=found.is_trusted)
                      if is_whole else found)
-            segments, projected = self._project(match, evidence, structure, threads, rows)
+            segments, projected = self._project(match, evidence, graph, threads, rows)
             overruled = (find_overruled(projected, match.disparity.values, rows, len(left))
                          if match.is_trusted else None)
             projected, segments = restore_rows(
@@ -120,9 +120,9 @@ class StereoRefiner:
             stage_ms, (time.perf_counter() - begin) * 1e3,
             np.where(np.isfinite(before), np.float32(0.9), np.float32(0.3)), PairHealth())
 
-    def _describe(self, image: Image, stage_ms: dict[str, float]) -> ImageStructure:
+    def _segment(self, image: Image, stage_ms: dict[str, float]) -> SegmentGraph:
         with _timed(stage_ms, 'segmentation'):
-            return describe_image(image, self.params.segmentation)
+            return build_segment_graph(image, self.params.segmentation)
 
     def _match(self, pair: StereoPair, preliminary: FloatMap | None, threads: int) -> Match:
         if preliminary is None:
@@ -138,14 +138,14 @@ class StereoRefiner:
             return gather_evidence(pair, self.params.matching, threads)[0]
         return match.evidence
 
-    def _project(self, match: Match, evidence: Evidence | None, structure: ImageStructure,
+    def _project(self, match: Match, evidence: Evidence | None, graph: SegmentGraph,
                  threads: int, rows: int) -> tuple[PlaneSegmentation, FloatMap]:
         planes = self.params.planes
         if planes.projection == 'off':
-            return unfitted(structure.labels, structure.count), match.disparity.values
+            return unfitted(graph.labels, graph.count), match.disparity.values
         if planes.projection == 'full':
-            return project_full(match, structure, planes, threads)
-        return project_guarded(match, evidence, structure, planes, threads, rows)
+            return project_full(match, graph, planes, threads)
+        return project_guarded(match, evidence, graph, planes, threads, rows)
 
     def _at_full_size(self, restored: FloatMap, before: FloatMap | None,
                       segments: PlaneSegmentation) -> FloatMap:

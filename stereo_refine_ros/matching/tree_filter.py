@@ -19,8 +19,8 @@ from __future__ import annotations
 from numba import njit
 import numpy as np
 
+from stereo_refine_ros.graph.trees import aggregate, PixelTree
 from stereo_refine_ros.matching.disparity_selection import select_winners
-from stereo_refine_ros.matching.tree_aggregation import aggregate, PixelTree
 from stereo_refine_ros.threads import start
 from stereo_refine_ros.types import FloatMap
 

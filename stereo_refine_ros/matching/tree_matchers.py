@@ -22,13 +22,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from stereo_refine_ros.graph.pixel_graph import edge_weights
+from stereo_refine_ros.graph.trees import aggregate, minimum_tree, PixelTree, segment_tree, Weights
 from stereo_refine_ros.matching.consistency import left_right_check
 from stereo_refine_ros.matching.cost_volume import truncated_cost
 from stereo_refine_ros.matching.disparity_selection import select_winners, subpixel_offsets
 from stereo_refine_ros.matching.match import Match
-from stereo_refine_ros.matching.pixel_graph import edge_weights
-from stereo_refine_ros.matching.tree_aggregation import (
-    aggregate, minimum_tree, PixelTree, segment_tree, Weights)
 from stereo_refine_ros.matching.tree_filter import spread_over_tree
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.threads import start

@@ -28,10 +28,10 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.graph.segment_graph import Borders, PixelLists
 from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.matching.robust_cost import COST_UNIT
 from stereo_refine_ros.refinement.planes import bounded_disparity
-from stereo_refine_ros.refinement.regions import Borders, PixelLists
 
 # Pixels of a segment that its planes are tried on.
 _SAMPLES = 32

@@ -25,11 +25,11 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.matching.disjoint_set import find, make_sets, union
+from stereo_refine_ros.graph.disjoint_set import find, make_sets, union
+from stereo_refine_ros.graph.segment_graph import Borders
 from stereo_refine_ros.params import PlaneParams
 from stereo_refine_ros.refinement.planes import (
     MIN_DATA, plane_of_moments, PlaneFits, residual_variance)
-from stereo_refine_ros.refinement.regions import Borders
 
 # How much the residual variance of either part may rise, px^2, for two segments to be one plane.
 _MERGE_RISE = 0.15

@@ -25,6 +25,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.graph.segment_graph import SegmentGraph
 from stereo_refine_ros.matching.consistency import left_right_check, remove_speckles
 from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.matching.match import Match
@@ -33,9 +34,7 @@ from stereo_refine_ros.quality.filling import fill_from_background
 from stereo_refine_ros.refinement.plane_selection import select_planes
 from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar
 from stereo_refine_ros.refinement.planes import fit_planes, PlaneFits
-from stereo_refine_ros.refinement.projection import (
-    ALIKE, choose_candidates, plane_disparities)
-from stereo_refine_ros.refinement.regions import ImageStructure
+from stereo_refine_ros.refinement.projection import ALIKE, choose_candidates, plane_disparities
 from stereo_refine_ros.refinement.spreading import spread_disparities
 from stereo_refine_ros.types import DisparityMap, FloatMap, LabelMap, PlaneSegmentation
 
@@ -64,17 +63,17 @@ def unfitted(labels: LabelMap, count: int) -> PlaneSegmentation:
                              np.zeros(count, np.float32))
 
 
-def project_full(match: Match, structure: ImageStructure, params: PlaneParams,
+def project_full(match: Match, graph: SegmentGraph, params: PlaneParams,
                  threads: int = 1) -> tuple[PlaneSegmentation, FloatMap]:
     """
     Give every pixel of a fitted segment its plane, as the paper does (section 2.4).
 
     Segments whose inlier ratio is too low keep what they had, holes included.
     """
-    fits = fit_planes(structure.lists, match.fit_data, params, threads)
+    fits = fit_planes(graph.lists, match.fit_data, params, threads)
     is_fitted = fits.inlier_ratio >= max(params.min_inlier_ratio, 1e-6)
     planes = np.where(is_fitted[:, None], fits.planes, np.nan)
-    segments = _segments(structure, planes, is_fitted, fits)
+    segments = _segments(graph, planes, is_fitted, fits)
     return segments, put_on_planes(match.disparity, segments)
 
 
@@ -87,7 +86,7 @@ def put_on_planes(disparity: DisparityMap, segments: PlaneSegmentation) -> Float
     return np.where(np.isnan(projected), disparity.values, projected)
 
 
-def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStructure,
+def project_guarded(match: Match, evidence: Evidence | None, graph: SegmentGraph,
                     params: PlaneParams, threads: int = 1, rows: int = 1,
                     ) -> tuple[PlaneSegmentation, FloatMap]:
     """
@@ -108,29 +107,29 @@ def project_guarded(match: Match, evidence: Evidence | None, structure: ImageStr
         given = np.count_nonzero(np.isfinite(data))
         data = _confirmed(data, evidence)
         if np.count_nonzero(np.isfinite(data)) < _BELONGS * given:
-            return (unfitted(structure.labels, structure.count),
+            return (unfitted(graph.labels, graph.count),
                     fill_from_background(match.disparity.values))
     matched = np.isfinite(data)
     is_spread = params.spread and match.evidence is not None and bool(matched.any())
     kept = (match.disparity.values if is_spread or match.evidence is None
             else remove_speckles(match.disparity.values, _SPECKLE // rows, _SPECKLE_STEP))
-    begin = _spread(match, structure, threads) if is_spread else fill_from_background(kept)
+    begin = _spread(match, graph, threads) if is_spread else fill_from_background(kept)
     near = np.where(np.abs(data - begin) <= _FIT_REACH, data, np.float32(np.nan))
-    fits = fit_planes(structure.lists, near, params, threads)
-    planes, own = _share(fits, structure, evidence, matched, params)
-    proposed = plane_disparities(structure.labels, planes, *_range(match.disparity))
+    fits = fit_planes(graph.lists, near, params, threads)
+    planes, own = _share(fits, graph, evidence, matched, params)
+    proposed = plane_disparities(graph.labels, planes, *_range(match.disparity))
     if evidence is None:
         values = np.where(matched | np.isnan(proposed), begin, proposed)
     else:
         inertia = 0.0 if is_spread else _inertia(match, rows)
         values = choose_candidates(proposed, begin, np.isfinite(kept), evidence,
-                                   structure.weights, inertia, match.is_trusted, threads)
+                                   graph.weights, inertia, match.is_trusted, threads)
     if is_spread:
         values = _with_subpixel(values, data, proposed)
     else:
         values = np.where(np.abs(kept - values) < ALIKE, kept, values)
     is_fitted = own & np.isfinite(planes[:, 0])
-    return _segments(structure, planes, is_fitted, fits), values
+    return _segments(graph, planes, is_fitted, fits), values
 
 
 def _inertia(match: Match, rows: int) -> float:
@@ -146,9 +145,9 @@ def _confirmed(data: FloatMap, evidence: Evidence) -> FloatMap:
     return np.where(left_right_check(data, right, _CONFIRMED_REACH), data, np.float32(np.nan))
 
 
-def _spread(match: Match, structure: ImageStructure, threads: int) -> FloatMap:
+def _spread(match: Match, graph: SegmentGraph, threads: int) -> FloatMap:
     """Let the matched pixels vote for the whole disparity of every pixel."""
-    votes = spread_disparities(np.rint(match.fit_data), structure.weights,
+    votes = spread_disparities(np.rint(match.fit_data), graph.weights,
                                match.disparity.min_disparity, match.disparity.num_disparities,
                                threads)
     return cv2.medianBlur(votes, _SPREAD_MEDIAN)
@@ -160,21 +159,21 @@ def _with_subpixel(chosen: FloatMap, data: FloatMap, planes: FloatMap) -> FloatM
     return np.where(np.abs(data - chosen) <= _DATA_REACH, data, near_plane)
 
 
-def _share(fits: PlaneFits, structure: ImageStructure, evidence: Evidence | None,
+def _share(fits: PlaneFits, graph: SegmentGraph, evidence: Evidence | None,
            matched: NDArray[np.bool_], params: PlaneParams,
            ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Merge, adopt, select; `own` marks segments whose plane rests on their own data."""
-    merged = merge_coplanar(fits, structure.borders, params)
-    planes, own = adopt_planes(merged, fits, structure.borders, params)
+    merged = merge_coplanar(fits, graph.borders, params)
+    planes, own = adopt_planes(merged, fits, graph.borders, params)
     if evidence is not None:
-        planes = select_planes(planes, structure.lists, structure.borders, evidence, matched)
+        planes = select_planes(planes, graph.lists, graph.borders, evidence, matched)
     return planes, own
 
 
-def _segments(structure: ImageStructure, planes: NDArray[np.float64],
+def _segments(graph: SegmentGraph, planes: NDArray[np.float64],
               is_fitted: NDArray[np.bool_], fits: PlaneFits) -> PlaneSegmentation:
     return PlaneSegmentation(
-        structure.labels, np.ascontiguousarray(planes[:, :3]), is_fitted, fits.inlier_ratio)
+        graph.labels, np.ascontiguousarray(planes[:, :3]), is_fitted, fits.inlier_ratio)
 
 
 def _range(disparity: DisparityMap) -> tuple[float, float]:

@@ -22,8 +22,8 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.graph.segment_graph import PixelLists
 from stereo_refine_ros.params import PlaneParams
-from stereo_refine_ros.refinement.regions import PixelLists
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap
 

@@ -27,9 +27,9 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.graph.support import sweep
 from stereo_refine_ros.matching.evidence import Evidence, TOTAL_UNIT
 from stereo_refine_ros.refinement.planes import bounded_disparity
-from stereo_refine_ros.refinement.support import sweep
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, LabelMap
 

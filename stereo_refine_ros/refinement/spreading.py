@@ -22,7 +22,7 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.matching.tree_aggregation import similarity_table
+from stereo_refine_ros.graph.trees import similarity_table
 from stereo_refine_ros.threads import start
 from stereo_refine_ros.types import FloatMap
 

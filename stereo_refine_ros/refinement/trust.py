@@ -28,7 +28,7 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.matching.pixel_graph import edge_weights
+from stereo_refine_ros.graph.pixel_graph import edge_weights
 from stereo_refine_ros.types import FloatMap, Image
 
 # A step of the map is the steepest rise of a row within _SLOPE pixels: by _STEEP at least, and

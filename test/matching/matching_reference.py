@@ -18,36 +18,6 @@ from __future__ import annotations
 
 import numpy as np
 
-STEPS = [(0, 1), (1, 0), (1, 1), (1, -1)]
-
-
-def graph_edges(image, directions):
-    """List (weight, code, pixel, neighbour) of every edge of the pixel graph, unsorted."""
-    height, width = image.shape[:2]
-    values = image.reshape(height, width, -1).astype(int)
-    edges = []
-    for y in range(height):
-        for x in range(width):
-            for k, (dy, dx) in enumerate(STEPS[:directions]):
-                if y + dy < height and 0 <= x + dx < width:
-                    weight = np.abs(values[y, x] - values[y + dy, x + dx]).max()
-                    pixel = y * width + x
-                    edges.append((
-                        int(weight), pixel * directions + k, pixel,
-                        (y + dy) * width + x + dx))
-    return edges
-
-
-def spanning_tree_weight(edges, count):
-    """Return the total weight of a minimum spanning tree, by Prim's algorithm."""
-    inside, total = {0}, 0
-    while len(inside) < count:
-        crossing = [e for e in edges if (e[2] in inside) != (e[3] in inside)]
-        weight, _, a, b = min(crossing)
-        inside |= {a, b}
-        total += weight
-    return total
-
 
 def truncated_cost(left, right, min_disparity, num_disparities, is_left):
     """Compute the cost volume of one view pixel by pixel, in float64."""
@@ -90,48 +60,6 @@ def nearest_of_row(volume):
         nearest = known[np.abs(known - x).argmin()] if len(known) else None
         filled[y, x, k] = 2.55 if nearest is None else volume[y, nearest, k]
     return filled
-
-
-def segment_tree_edges(image, scale, large, penalty):
-    """Return {code: weight} of the segment tree, with sets as Python sets."""
-    edges = sorted(graph_edges(image, 2), key=lambda edge: (edge[0], edge[1] % 2, edge[1]))
-    group = {pixel: frozenset([pixel]) for edge in edges for pixel in edge[2:]}
-    largest, tree = {}, {}
-
-    def join(weight, code, a, b):
-        merged = group[a] | group[b]
-        for pixel in merged:
-            group[pixel] = merged
-        largest[merged] = weight
-        tree[code] = weight
-
-    for weight, code, a, b in edges:
-        limits = [largest.get(group[p], 0) + scale / len(group[p]) for p in (a, b)]
-        if group[a] != group[b] and weight <= min(limits):
-            join(weight, code, a, b)
-    linking = []
-    for weight, code, a, b in edges:
-        if group[a] != group[b]:
-            is_large = min(len(group[a]), len(group[b])) > large
-            linking.append((min(weight + penalty * is_large, 255), code, a, b))
-    for weight, code, a, b in sorted(linking, key=lambda edge: edge[0]):
-        if group[a] != group[b]:
-            join(weight, code, a, b)
-    return tree
-
-
-def tree_means(volume, edges, sigma):
-    """Return the weighted means over a tree of edges (weight, pixel, pixel), pair by pair."""
-    count = volume.shape[0] * volume.shape[1]
-    distance = np.full((count, count), np.inf)
-    np.fill_diagonal(distance, 0)
-    for weight, a, b in edges:
-        distance[a, b] = distance[b, a] = weight
-    for via in range(count):
-        distance = np.minimum(distance, distance[:, [via]] + distance[[via], :])
-    similarity = np.exp(-distance / (255 * sigma))
-    rows = volume.reshape(count, -1).astype(float)
-    return (similarity @ rows / similarity.sum(axis=1, keepdims=True)).reshape(volume.shape)
 
 
 def left_right_check(left, right, tolerance):

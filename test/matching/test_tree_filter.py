@@ -17,8 +17,8 @@
 import numpy as np
 import pytest
 
-from stereo_refine_ros.matching.pixel_graph import edge_weights
-from stereo_refine_ros.matching.tree_aggregation import minimum_tree
+from stereo_refine_ros.graph.pixel_graph import edge_weights
+from stereo_refine_ros.graph.trees import minimum_tree
 from stereo_refine_ros.matching.tree_filter import spread_over_tree
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Slow, obvious versions of the segmentation and of the plane stage, on sets and lists."""
+"""Slow, obvious versions of the plane stage, on lists."""
 
 from __future__ import annotations
 
@@ -24,72 +24,8 @@ from stereo_refine_ros.matching.evidence import TOTAL_UNIT
 from stereo_refine_ros.matching.robust_cost import COST_UNIT
 from stereo_refine_ros.refinement import plane_selection, projection
 
-STEPS = [(0, 1), (1, 0), (1, 1), (1, -1)]
 MAX_SLOPES = 0.7, 1.5
 RIDGE = 30.0
-
-
-def sorted_edges(image, directions):
-    """List (weight, pixel, pixel) by weight; equal ones by direction, then in raster order."""
-    height, width = image.shape[:2]
-    values = image.reshape(height, width, -1).astype(int)
-    edges = []
-    for dy, dx in STEPS[:directions]:
-        for y in range(height - dy):
-            for x in range(max(0, -dx), min(width, width - dx)):
-                weight = np.abs(values[y, x] - values[y + dy, x + dx]).max()
-                edges.append((int(weight), (y, x), (y + dy, x + dx)))
-    return sorted(edges, key=lambda edge: edge[0])
-
-
-def segment(image, k, min_size, directions):
-    """Merge sets of pixels edge by edge; return labels in raster order and their number."""
-    component = {pixel: frozenset([pixel]) for pixel in np.ndindex(image.shape[:2])}
-    largest = {}
-
-    def join(a, b):
-        merged = component[a] | component[b]
-        for pixel in merged:
-            component[pixel] = merged
-        return merged
-
-    def limit(pixel):
-        members = component[pixel]
-        return np.float32(largest.get(members, 0)) + np.float32(k) / np.float32(len(members))
-
-    edges = sorted_edges(image, directions)
-    for weight, a, b in edges:
-        if component[a] is not component[b] and weight <= min(limit(a), limit(b)):
-            largest[join(a, b)] = weight
-    for _, a, b in edges:
-        if component[a] is not component[b] \
-                and min(len(component[a]), len(component[b])) < min_size:
-            join(a, b)
-    numbers = {}
-    labels = np.array([[numbers.setdefault(component[y, x], len(numbers))
-                        for x in range(image.shape[1])] for y in range(image.shape[0])])
-    return labels, len(numbers)
-
-
-def borders(labels, image):
-    """Return {(low, high): (length, contrast, colour distance, middle x, middle y)}."""
-    height, width = labels.shape
-    image = image.astype(float)
-    if image.ndim == 2:
-        image = np.repeat(image[..., None], 3, axis=2)
-    steps = {}
-    for y, x in np.ndindex(height, width):
-        for v, u in ((y, x + 1), (y + 1, x)):
-            if v < height and u < width and labels[v, u] != labels[y, x]:
-                pair = tuple(sorted((int(labels[y, x]), int(labels[v, u]))))
-                change = np.abs(image[y, x] - image[v, u]).sum()
-                steps.setdefault(pair, []).append((change, (x + u) / 2, (y + v) / 2))
-    found = {}
-    for (low, high), rows in steps.items():
-        distance = np.abs(image[labels == low].mean(0) - image[labels == high].mean(0)).sum()
-        contrast, x, y = np.mean(rows, axis=0)
-        found[low, high] = len(rows), contrast, distance, x, y
-    return found
 
 
 def ridge_plane(points):

@@ -17,10 +17,10 @@
 import numpy as np
 import pytest
 
+from stereo_refine_ros.graph.segment_graph import group_pixels
 from stereo_refine_ros.params import PlaneParams
 from stereo_refine_ros.refinement.planes import (
     _draw, _next_random, _points_of, _sample, fit_planes)
-from stereo_refine_ros.refinement.regions import group_pixels
 
 
 @pytest.fixture(autouse=True)

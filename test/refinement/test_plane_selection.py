@@ -20,10 +20,10 @@ import numpy as np
 import plane_reference
 import pytest
 
+from stereo_refine_ros.graph.segment_graph import find_borders, group_pixels
 from stereo_refine_ros.matching.scanline import gather_evidence
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.refinement.plane_selection import select_planes
-from stereo_refine_ros.refinement.regions import find_borders, group_pixels
 from stereo_refine_ros.types import StereoPair
 
 

@@ -18,12 +18,12 @@ import numpy as np
 import plane_reference
 import pytest
 
+from stereo_refine_ros.graph.segment_graph import Borders, find_borders, group_pixels
+from stereo_refine_ros.graph.segmentation import segment_image
 from stereo_refine_ros.params import PlaneParams, SegmentationParams
 from stereo_refine_ros.refinement import plane_sharing
 from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar
 from stereo_refine_ros.refinement.planes import fit_planes, MIN_DATA, PlaneFits
-from stereo_refine_ros.refinement.regions import Borders, find_borders, group_pixels
-from stereo_refine_ros.refinement.segmentation import segment_image
 
 PARAMS = PlaneParams()
 

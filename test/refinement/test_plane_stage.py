@@ -20,13 +20,13 @@ import numpy as np
 import plane_reference
 import pytest
 
+from stereo_refine_ros.graph.pixel_graph import edge_weights
+from stereo_refine_ros.graph.segment_graph import find_borders, group_pixels, SegmentGraph
 from stereo_refine_ros.matching.evidence import TOTAL_UNIT
 from stereo_refine_ros.matching.match import Match
-from stereo_refine_ros.matching.pixel_graph import edge_weights
 from stereo_refine_ros.matching.scanline import gather_evidence
 from stereo_refine_ros.params import MatchingParams, PlaneParams
 from stereo_refine_ros.refinement.plane_stage import project_full, project_guarded, unfitted
-from stereo_refine_ros.refinement.regions import find_borders, group_pixels, ImageStructure
 from stereo_refine_ros.types import DisparityMap, StereoPair
 
 SHAPE = (18, 30)
@@ -48,8 +48,8 @@ def blocks():
 
 
 def describe(image, labels):
-    """Gather the structure of an image whose segments are given."""
-    return ImageStructure(labels, 3, group_pixels(labels, 3), find_borders(labels, 3, image),
+    """Gather the graph of an image whose segments are given."""
+    return SegmentGraph(labels, 3, group_pixels(labels, 3), find_borders(labels, 3, image),
                           edge_weights(image))
 
 

@@ -18,9 +18,9 @@ import numpy as np
 import plane_reference
 import pytest
 
+from stereo_refine_ros.graph.segment_graph import group_pixels
 from stereo_refine_ros.params import PlaneParams
 from stereo_refine_ros.refinement.planes import fit_planes
-from stereo_refine_ros.refinement.regions import group_pixels
 
 THRESHOLD = PlaneParams().inlier_threshold
 

@@ -18,12 +18,13 @@ import numpy as np
 import plane_reference
 import pytest
 
-from stereo_refine_ros.matching.pixel_graph import edge_weights
+from stereo_refine_ros.graph import support
+from stereo_refine_ros.graph.pixel_graph import edge_weights
+from stereo_refine_ros.graph.support import sweep
 from stereo_refine_ros.matching.scanline import gather_evidence
 from stereo_refine_ros.params import MatchingParams
-from stereo_refine_ros.refinement import planes, projection, support
+from stereo_refine_ros.refinement import planes, projection
 from stereo_refine_ros.refinement.projection import choose_candidates, plane_disparities
-from stereo_refine_ros.refinement.support import sweep
 from stereo_refine_ros.types import StereoPair
 
 # Nothing that a matcher said: all of it filled.

@@ -17,15 +17,15 @@
 import numpy as np
 import pytest
 
-from stereo_refine_ros.matching.pixel_graph import edge_weights
+from stereo_refine_ros.graph.pixel_graph import edge_weights
+from stereo_refine_ros.graph.support import sweep
 from stereo_refine_ros.refinement import spreading
 from stereo_refine_ros.refinement.spreading import spread_disparities
-from stereo_refine_ros.refinement.support import sweep
 
 
 def supports(values, weights, min_disparity, count, monkeypatch):
     """Sweep the votes of one disparity after the other, as whole maps."""
-    monkeypatch.setattr('stereo_refine_ros.refinement.support._FADE', spreading._FADE)
+    monkeypatch.setattr('stereo_refine_ros.graph.support._FADE', spreading._FADE)
     maps = []
     for d in range(min_disparity, min_disparity + count):
         votes = np.maximum(spreading._REACH - np.abs(d - np.rint(values)), 0)

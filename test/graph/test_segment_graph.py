@@ -15,14 +15,14 @@
 """Pixel lists and borders against dictionaries."""
 
 import cv2
+import graph_reference
 import numpy as np
-import plane_reference
 import pytest
 
-from stereo_refine_ros.matching.pixel_graph import edge_weights
+from stereo_refine_ros.graph.pixel_graph import edge_weights
+from stereo_refine_ros.graph.segment_graph import build_segment_graph, find_borders, group_pixels
+from stereo_refine_ros.graph.segmentation import segment_image
 from stereo_refine_ros.params import SegmentationParams
-from stereo_refine_ros.refinement.regions import describe_image, find_borders, group_pixels
-from stereo_refine_ros.refinement.segmentation import segment_image
 
 
 def segmented(shape, seed=0, min_size=2):
@@ -46,7 +46,7 @@ def test_pixels_are_listed_by_segment_in_raster_order(shape):
 def test_borders_are_those_of_the_slow_version(shape):
     image, labels, count = segmented(shape, seed=3)
     found = find_borders(labels, count, image)
-    expected = plane_reference.borders(labels, image)
+    expected = graph_reference.borders(labels, image)
     pairs = [tuple(pair) for pair in found.pairs.tolist()]
     assert len(pairs) == len(set(pairs))
     assert set(pairs) == set(expected)
@@ -72,18 +72,18 @@ def test_one_segment_has_no_border():
     assert found.middle.shape == (0, 2)
 
 
-def test_the_structure_of_an_image_is_that_of_its_parts():
+def test_the_graph_of_an_image_is_that_of_its_parts():
     image, _, _ = segmented((12, 14, 3), seed=4)
     params = SegmentationParams(30.0, 0.0, 3)
-    structure = describe_image(image, params)
+    graph = build_segment_graph(image, params)
     labels, count = segment_image(image, params)
-    assert structure.count == count
-    np.testing.assert_array_equal(structure.labels, labels)
-    np.testing.assert_array_equal(structure.lists.pixels, group_pixels(labels, count).pixels)
+    assert graph.count == count
+    np.testing.assert_array_equal(graph.labels, labels)
+    np.testing.assert_array_equal(graph.lists.pixels, group_pixels(labels, count).pixels)
     np.testing.assert_array_equal(
-        structure.borders.pairs, find_borders(labels, count, image).pairs)
+        graph.borders.pairs, find_borders(labels, count, image).pairs)
     weights = edge_weights(cv2.medianBlur(image, 3))
-    np.testing.assert_array_equal(structure.weights, weights)
+    np.testing.assert_array_equal(graph.weights, weights)
 
 
 @pytest.mark.compiled

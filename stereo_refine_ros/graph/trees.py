@@ -28,8 +28,8 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.matching.disjoint_set import find, make_sets, union
-from stereo_refine_ros.matching.pixel_graph import sort_edges
+from stereo_refine_ros.graph.disjoint_set import find, make_sets, union
+from stereo_refine_ros.graph.pixel_graph import sort_edges
 from stereo_refine_ros.types import FloatMap
 
 IndexArray = NDArray[np.int32]

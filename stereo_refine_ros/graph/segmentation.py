@@ -20,8 +20,8 @@ import cv2
 from numba import njit
 import numpy as np
 
-from stereo_refine_ros.matching.disjoint_set import find, make_sets, union
-from stereo_refine_ros.matching.pixel_graph import edge_weights, neighbour_offsets, sort_edges
+from stereo_refine_ros.graph.disjoint_set import find, make_sets, union
+from stereo_refine_ros.graph.pixel_graph import edge_weights, neighbour_offsets, sort_edges
 from stereo_refine_ros.params import SegmentationParams
 from stereo_refine_ros.types import Image, LabelMap, require_image
 

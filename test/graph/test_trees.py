@@ -14,13 +14,13 @@
 
 """The two trees and the aggregation against slow versions."""
 
-import matching_reference
+import graph_reference
 import numpy as np
 import pytest
 
-from stereo_refine_ros.matching import tree_aggregation
-from stereo_refine_ros.matching.pixel_graph import edge_weights
-from stereo_refine_ros.matching.tree_aggregation import aggregate, minimum_tree, segment_tree
+from stereo_refine_ros.graph import trees
+from stereo_refine_ros.graph.pixel_graph import edge_weights
+from stereo_refine_ros.graph.trees import aggregate, minimum_tree, segment_tree
 
 
 def random_image(shape=(6, 7, 3), levels=40, seed=5):
@@ -43,10 +43,10 @@ def tree_edges(tree, root=0):
 def test_minimum_tree_is_spanning_and_minimal(shape):
     image = random_image(shape)
     edges = tree_edges(minimum_tree(edge_weights(image)))
-    graph = {(a, b): weight for weight, _, a, b in matching_reference.graph_edges(image, 2)}
+    graph = {(a, b): weight for weight, _, a, b in graph_reference.graph_edges(image, 2)}
     assert all(graph[min(a, b), max(a, b)] == weight for weight, a, b in edges)
-    expected = matching_reference.spanning_tree_weight(
-        matching_reference.graph_edges(image, 2), image.shape[0] * image.shape[1])
+    expected = graph_reference.spanning_tree_weight(
+        graph_reference.graph_edges(image, 2), image.shape[0] * image.shape[1])
     assert sum(weight for weight, _, _ in edges) == expected
 
 
@@ -54,9 +54,9 @@ def test_minimum_tree_is_spanning_and_minimal(shape):
 def test_segment_tree_is_the_naive_one(seed, monkeypatch):
     image = random_image((9, 10), 60, seed)
     image[:, 5:] += 120
-    monkeypatch.setattr(tree_aggregation, 'SEGMENT_SCALE', 60.0)
+    monkeypatch.setattr(trees, 'SEGMENT_SCALE', 60.0)
     weights = edge_weights(image)
-    expected = matching_reference.segment_tree_edges(image, 60.0, 50, 5)
+    expected = graph_reference.segment_tree_edges(image, 60.0, 50, 5)
     width = image.shape[1]
     edges = tree_edges(segment_tree(weights))
     codes = {2 * min(a, b) + (abs(a - b) == width): weight for weight, a, b in edges}
@@ -76,7 +76,7 @@ def test_aggregation_is_the_weighted_mean_over_all_pairs_of_pixels(build):
     image = random_image()
     tree = build(edge_weights(image))
     volume = np.random.default_rng(6).random((6, 7, 5), dtype=np.float32)
-    expected = matching_reference.tree_means(volume, tree_edges(tree), 0.1)
+    expected = graph_reference.tree_means(volume, tree_edges(tree), 0.1)
     aggregate(volume, tree, 0.1)
     np.testing.assert_allclose(volume, expected, rtol=2e-5)
 

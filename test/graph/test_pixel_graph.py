@@ -14,12 +14,12 @@
 
 """The pixel graph and the disjoint sets, against slow versions and on hand-made images."""
 
-from matching_reference import graph_edges
+from graph_reference import graph_edges
 import numpy as np
 import pytest
 
-from stereo_refine_ros.matching.disjoint_set import find, make_sets, union
-from stereo_refine_ros.matching.pixel_graph import (
+from stereo_refine_ros.graph.disjoint_set import find, make_sets, union
+from stereo_refine_ros.graph.pixel_graph import (
     count_edges, edge_weights, neighbour_offsets, sort_edges)
 
 

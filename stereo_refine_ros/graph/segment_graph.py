@@ -23,9 +23,9 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.matching.pixel_graph import edge_weights
+from stereo_refine_ros.graph.pixel_graph import edge_weights
+from stereo_refine_ros.graph.segmentation import segment_image
 from stereo_refine_ros.params import SegmentationParams
-from stereo_refine_ros.refinement.segmentation import segment_image
 from stereo_refine_ros.types import Image, LabelMap
 
 IndexArray = NDArray[np.int32]
@@ -77,9 +77,9 @@ class Borders:
 
 
 @dataclass(frozen=True, eq=False)
-class ImageStructure:
+class SegmentGraph:
     """
-    What the planes need to know of the left image, none of it of the disparity.
+    An image as segments and as pixels: what lies in each, which touch, how alike they are.
 
     Attributes
     ----------
@@ -99,11 +99,11 @@ class ImageStructure:
     weights: NDArray[np.uint8]
 
 
-def describe_image(image: Image, params: SegmentationParams) -> ImageStructure:
+def build_segment_graph(image: Image, params: SegmentationParams) -> SegmentGraph:
     """Segment an image and gather what lies between its segments and its pixels."""
     labels, count = segment_image(image, params)
     weights = edge_weights(cv2.medianBlur(image, 3))
-    return ImageStructure(
+    return SegmentGraph(
         labels, count, group_pixels(labels, count), find_borders(labels, count, image), weights)
 
 

@@ -25,7 +25,7 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.matching.tree_aggregation import similarity_table
+from stereo_refine_ros.graph.trees import similarity_table
 from stereo_refine_ros.types import FloatMap
 
 # What is left of a vote after one step over a flat image.

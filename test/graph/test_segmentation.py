@@ -15,12 +15,12 @@
 """Graph segmentation against sets of pixels."""
 
 import cv2
+import graph_reference
 import numpy as np
-import plane_reference
 import pytest
 
+from stereo_refine_ros.graph.segmentation import segment_image
 from stereo_refine_ros.params import SegmentationParams
-from stereo_refine_ros.refinement.segmentation import segment_image
 
 
 def blocky_image(shape, seed, noise=9):
@@ -37,7 +37,7 @@ def blocky_image(shape, seed, noise=9):
 def test_segments_are_those_of_the_slow_version(shape, k, min_size, diagonal):
     image = blocky_image(shape, seed=shape[0])
     labels, count = segment_image(image, SegmentationParams(k, 0.0, min_size, diagonal))
-    expected, expected_count = plane_reference.segment(image, k, min_size, 4 if diagonal else 2)
+    expected, expected_count = graph_reference.segment(image, k, min_size, 4 if diagonal else 2)
     assert labels.dtype == np.int32
     assert count == expected_count
     np.testing.assert_array_equal(labels, expected)
@@ -47,7 +47,7 @@ def test_segments_are_those_of_the_slow_version(shape, k, min_size, diagonal):
 def test_ties_are_decided_as_in_the_slow_version(seed):
     image = np.random.default_rng(seed).integers(0, 4, (9, 10), dtype=np.uint8) * 10
     labels, _ = segment_image(image, SegmentationParams(40.0, 0.0, 3))
-    np.testing.assert_array_equal(labels, plane_reference.segment(image, 40.0, 3, 2)[0])
+    np.testing.assert_array_equal(labels, graph_reference.segment(image, 40.0, 3, 2)[0])
 
 
 @pytest.mark.parametrize('seed', range(3))
