@@ -23,6 +23,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.images import to_bgr, to_grey
 from stereo_refine_ros.types import FloatMap, Image, PlaneSegmentation, RefinementResult
 
 ERROR_LIMIT = 4.0  # px, the end of the error colours
@@ -61,8 +62,7 @@ def draw_segments(left: Image, segments: PlaneSegmentation) -> Image:
 
     Segments that share a plane share its colour; those without a plane stay grey.
     """
-    grey = left if left.ndim == 2 else cv2.cvtColor(left, cv2.COLOR_BGR2GRAY)
-    base = np.repeat(grey[..., None], 3, axis=2).astype(np.float32)
+    base = to_bgr(to_grey(left)).astype(np.float32)
     group = _plane_groups(segments)
     hue = (group * 0.61803399) % 1.0 * 180.0  # golden section: neighbours in number differ
     hsv = np.stack([hue, np.where(segments.is_fitted, 200, 0), np.full(len(group), 235)], 1)

@@ -20,6 +20,7 @@ import cv2
 from numba import njit
 import numpy as np
 
+from stereo_refine_ros.images import gradient_x, to_grey
 from stereo_refine_ros.types import FloatMap, Image
 
 COLOR_WEIGHT = 0.11
@@ -69,9 +70,7 @@ def _features(image: Image, is_mirrored: bool) -> FloatMap:
     Mirrored images turn the partner x - d into x + d, so that the disparities of one pixel
     read forwards in memory for both views.
     """
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    padded = cv2.copyMakeBorder(grey, 0, 0, 1, 1, cv2.BORDER_REPLICATE).astype(np.float32)
-    gradient = (padded[:, 2:] - padded[:, :-2]) * 0.5
+    gradient = gradient_x(to_grey(image), cv2.BORDER_REPLICATE) * np.float32(0.5)
     stacked = np.dstack([image.astype(np.float32), gradient])
     return stacked[:, ::-1] if is_mirrored else stacked
 

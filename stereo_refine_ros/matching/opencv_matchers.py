@@ -21,6 +21,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from stereo_refine_ros.images import pad, to_grey
 from stereo_refine_ros.matching.consistency import right_from_left
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.params import MatchingParams
@@ -51,10 +52,8 @@ def match_bm(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Matc
     matcher.setUniquenessRatio(_CHECKS['uniquenessRatio'])
     matcher.setSpeckleWindowSize(_CHECKS['speckleWindowSize'])
     matcher.setSpeckleRange(_CHECKS['speckleRange'])
-    left, right = (image if image is None or image.ndim == 2
-                   else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-                   for image in (pair.left, pair.right))
-    return _match(matcher, left, right, params)
+    assert pair.right is not None
+    return _match(matcher, to_grey(pair.left), to_grey(pair.right), params)
 
 
 def _rounded(params: MatchingParams) -> int:
@@ -72,8 +71,7 @@ def _match(matcher: Any, left: Any, right: Any, params: MatchingParams) -> Match
     margin = _BM_BLOCK
     before = margin + max(0, params.min_disparity + _rounded(params))
     after = margin + max(0, -params.min_disparity)
-    left, right = (cv2.copyMakeBorder(image, margin, margin, before, after,
-                                      cv2.BORDER_REPLICATE) for image in (left, right))
+    left, right = (pad(image, (margin, margin), (before, after)) for image in (left, right))
     height, width = left.shape[:2]
     fixed = matcher.compute(left, right)[margin:height - margin, before:width - after]
     values = _to_float(fixed, params)

@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import math
 
-import cv2
 from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.images import to_grey
 from stereo_refine_ros.quality.image_metrics import psnr, ssim
 from stereo_refine_ros.types import FloatMap, Image, StereoPair
 
@@ -79,10 +79,6 @@ def photometric_quality(pair: StereoPair, values: FloatMap) -> tuple[float, floa
     """
     if pair.right is None:
         return math.nan, math.nan
-    left, right = _grey(pair.left), _grey(pair.right)
+    left, right = to_grey(pair.left), to_grey(pair.right)
     warped, seen = warp_right(right, values)
     return psnr(left, warped, seen), ssim(left, warped, seen)
-
-
-def _grey(image: Image) -> Image:
-    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)

@@ -22,6 +22,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.images import to_grey
 from stereo_refine_ros.types import FloatMap, Image
 
 _NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
@@ -41,7 +42,7 @@ def unchanged_pixels(previous: Image, current: Image, threshold: int = 3) -> NDA
         Grey levels of sensor noise that still count as no change.
 
     """
-    difference = cv2.absdiff(_grey(previous), _grey(current))
+    difference = cv2.absdiff(to_grey(previous), to_grey(current))
     return cv2.dilate(difference, _NEIGHBOURHOOD) <= threshold
 
 
@@ -65,7 +66,3 @@ def temporal_noise(previous: FloatMap, current: FloatMap, unchanged: NDArray[np.
     change = np.abs(current[unchanged] - previous[unchanged])
     change = change[np.isfinite(change)]
     return float(np.mean(change, dtype=np.float64)) if change.size else math.nan
-
-
-def _grey(image: Image) -> Image:
-    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)

@@ -26,6 +26,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
+from stereo_refine_ros.images import to_grey
 from stereo_refine_ros.params import FilterParams
 from stereo_refine_ros.refinement.trilateral import trilateral
 from stereo_refine_ros.refinement.weighted_median import weighted_median
@@ -114,8 +115,7 @@ def _guided(values: FloatMap, guide: Image, params: FilterParams, threads: int =
     """
     valid = np.isfinite(values)
     mean = _WindowMean(valid, params.radius)
-    grey = guide if guide.ndim == 2 else cv2.cvtColor(guide, cv2.COLOR_BGR2GRAY)
-    level: FloatMap = np.divide(grey, 255, dtype=np.float32)
+    level: FloatMap = np.divide(to_grey(guide), 255, dtype=np.float32)
     # Around their mean, float32 keeps the digits that the covariance needs.
     offset = np.float32(np.nanmean(values)) if valid.any() else np.float32(0)
     centred: FloatMap = values - offset
