@@ -38,7 +38,7 @@ from stereo_refine_ros.evaluation.tables import (
 from stereo_refine_ros.params import FILTERS, MATCHERS, PRESETS, PROJECTIONS
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.disparity_errors import bad_percent
-from stereo_refine_ros.quality.filling import fill_from_background
+from stereo_refine_ros.refinement.filling import fill_from_background
 from stereo_refine_ros.types import FloatMap, StereoPair
 
 TOLERANCE = 0.05  # points of percent

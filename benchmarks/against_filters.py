@@ -34,7 +34,7 @@ from stereo_refine_ros.evaluation.tables import format_number, markdown_table
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.disparity_errors import bad_percent
-from stereo_refine_ros.quality.filling import fill_from_background
+from stereo_refine_ros.refinement.filling import fill_from_background
 from stereo_refine_ros.types import FloatMap
 
 INPUT = 'SGBM 3-way, padded'

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from stereo_refine_ros.datasets.scene import Scene
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
-from stereo_refine_ros.quality.filling import fill_from_background
+from stereo_refine_ros.refinement.filling import fill_from_background
 from stereo_refine_ros.types import FloatMap
 
 _HOLES, _HOLE_SIDE = 60, 25

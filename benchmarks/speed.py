@@ -37,7 +37,7 @@ from stereo_refine_ros.matching import MATCHERS
 from stereo_refine_ros.params import load_preset, PRESETS
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.disparity_errors import bad_percent
-from stereo_refine_ros.quality.filling import fill_from_background
+from stereo_refine_ros.refinement.filling import fill_from_background
 from stereo_refine_ros.types import RefinementResult
 from timing import quartiles, time_rounds
 

@@ -29,7 +29,7 @@ from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.scanline import gather_evidence
 from stereo_refine_ros.memory import keep_freed_memory
 from stereo_refine_ros.params import Params
-from stereo_refine_ros.quality.filling import fill_from_background
+from stereo_refine_ros.refinement.filling import fill_from_background
 from stereo_refine_ros.refinement.filters import apply_filter
 from stereo_refine_ros.refinement.plane_stage import (
     project_full, project_guarded, put_on_planes, unfitted)

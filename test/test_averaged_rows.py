@@ -22,7 +22,7 @@ from stereo_refine_ros.matching import compute_match, OPENCV_MATCHERS
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.disparity_errors import bad_percent
-from stereo_refine_ros.quality.filling import fill_from_background
+from stereo_refine_ros.refinement.filling import fill_from_background
 
 AVERAGED = {'processing.max_cells': 0.001, 'processing.min_rows': 40,
             'matching.num_disparities': 24}

@@ -28,9 +28,9 @@ from stereo_refine_ros.datasets.scene import Scene
 from stereo_refine_ros.params import load_preset, Params
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.disparity_errors import bad_percent
-from stereo_refine_ros.quality.filling import fill_from_background
 from stereo_refine_ros.quality.image_metrics import default_scale
 from stereo_refine_ros.quality.summary import measure_against_truth
+from stereo_refine_ros.refinement.filling import fill_from_background
 from stereo_refine_ros.types import FloatMap, RefinementResult
 
 Row = dict[str, Any]

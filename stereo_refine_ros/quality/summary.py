@@ -21,8 +21,8 @@ from dataclasses import asdict
 import numpy as np
 
 from stereo_refine_ros.quality.disparity_errors import measure_errors
-from stereo_refine_ros.quality.filling import fill_from_background
 from stereo_refine_ros.quality.image_metrics import mse, psnr_from_mse, ssim, to_8bit
+from stereo_refine_ros.refinement.filling import fill_from_background
 from stereo_refine_ros.types import FloatMap
 
 

@@ -30,7 +30,7 @@ from stereo_refine_ros.matching.consistency import left_right_check, remove_spec
 from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.params import PlaneParams
-from stereo_refine_ros.quality.filling import fill_from_background
+from stereo_refine_ros.refinement.filling import fill_from_background
 from stereo_refine_ros.refinement.plane_selection import select_planes
 from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar
 from stereo_refine_ros.refinement.planes import fit_planes, PlaneFits

@@ -22,7 +22,7 @@ from skimage.metrics import structural_similarity
 
 from stereo_refine_ros.datasets import load_scene
 from stereo_refine_ros.evaluation.runner import evaluate_scene, measure_stage, Plan
-from stereo_refine_ros.quality.filling import fill_from_background
+from stereo_refine_ros.refinement.filling import fill_from_background
 
 SCALE = {'tsukuba': 16, 'venus': 8, 'cones': 4}
 

@@ -25,7 +25,7 @@ from scene_folder import small_scene
 from stereo_refine_ros.evaluation.runner import (
     as_json, Combination, evaluate_scene, measure_stage, Plan, scene_scale, STAGES)
 from stereo_refine_ros.pipeline import StereoRefiner
-from stereo_refine_ros.quality.filling import fill_from_background
+from stereo_refine_ros.refinement.filling import fill_from_background
 
 KEYS = {'scene', 'matching', 'filter', 'projection', 'stage', 'mse', 'psnr', 'ssim',
         'mse_all_pixels', 'psnr_all_pixels', 'bad_0_5', 'bad_1_0', 'bad_2_0', 'avg_error',

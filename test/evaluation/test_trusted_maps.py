@@ -23,8 +23,8 @@ from stereo_refine_ros.datasets import load_scene
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.disparity_errors import bad_percent
-from stereo_refine_ros.quality.filling import fill_from_background
 from stereo_refine_ros.refinement import trust
+from stereo_refine_ros.refinement.filling import fill_from_background
 
 SCENES = ('tsukuba', 'venus', 'teddy', 'cones', 'Art', 'Dolls', 'sawtooth', 'Adirondack')
 

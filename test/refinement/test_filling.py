@@ -16,7 +16,7 @@
 
 import numpy as np
 
-from stereo_refine_ros.quality.filling import fill_from_background
+from stereo_refine_ros.refinement.filling import fill_from_background
 
 N = np.nan
 

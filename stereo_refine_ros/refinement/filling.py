@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The plain baseline for holes: take the background's disparity."""
+"""Holes take the disparity of the background: what one view does not see lies behind."""
 
 from __future__ import annotations
 
