@@ -55,7 +55,7 @@ class BadMessage(ValueError):
     Parameters
     ----------
     reason : str
-        One of the keys of `diagnostics.ADVICE`.
+        What `/diagnostics` counts it by; `diagnostics.ADVICE` has advice for some.
     text : str
         What is wrong, for the log.
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 import time
 
 import numpy as np
@@ -100,7 +101,7 @@ class StereoRefiner:
         before = found.disparity.values
         graph = graph_task.result()
         with _timed(stage_ms, 'planes'):
-            match = (Match(self._map(bin_disparities(before, rows)), is_trusted=found.is_trusted)
+            match = (replace(found, disparity=self._map(bin_disparities(before, rows)))
                      if is_whole else found)
             segments, projected = self._project(match, evidence, graph, threads, rows)
             overruled = (find_overruled(projected, match.disparity.values, rows, len(left))
@@ -116,7 +117,7 @@ class StereoRefiner:
         if not is_whole:
             before = repeat_rows(before, pair.shape[0], rows)
         return RefinementResult(
-            self._map(refined), self._map(before), segments, _lr_ratio(found),
+            self._map(refined), self._map(before), segments, found.lr_consistent_ratio,
             stage_ms, (time.perf_counter() - begin) * 1e3,
             np.where(np.isfinite(before), np.float32(0.9), np.float32(0.3)), PairHealth())
 
@@ -128,7 +129,7 @@ class StereoRefiner:
         if preliminary is None:
             return compute_match(pair, self.params.matching, threads)
         is_guarded = self.params.planes.projection == 'guarded'
-        return Match(self._map(preliminary),
+        return Match(self._map(preliminary), is_own=False,
                      is_trusted=is_guarded and follows_edges(preliminary, pair.left))
 
     def _evidence(self, pair: StereoPair, match: Match, threads: int) -> Evidence | None:
@@ -180,13 +181,6 @@ def _checked(preliminary: FloatMap, shape: tuple[int, int]) -> FloatMap:
     values = preliminary.astype(np.float32)
     values[~np.isfinite(values)] = np.nan
     return values
-
-
-def _lr_ratio(match: Match) -> float:
-    """Share of pixels that passed the left-right check, NaN where there is no right view."""
-    if match.right is None:
-        return float('nan')
-    return float(np.count_nonzero(np.isfinite(match.fit_data))) / match.fit_data.size
 
 
 @contextmanager

@@ -223,7 +223,7 @@ class RefinementResult:
     segments : PlaneSegmentation
     health : PairHealth
     lr_consistent_ratio : float
-        Share of pixels that passed the left-right check, NaN where no right map exists.
+        Share of pixels that passed the left-right check, NaN for a map from outside.
     stage_ms : dict of str to float
         Wall time of 'matching', 'segmentation', 'planes' and 'filter' in milliseconds;
         segmentation runs beside matching where there is a second thread.

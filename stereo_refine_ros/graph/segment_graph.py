@@ -60,8 +60,6 @@ class Borders:
         Labels of the two segments, the lower one first.
     length : float32 ndarray of shape (M,)
         Pixel edges along the border.
-    contrast : float32 ndarray of shape (M,)
-        Mean over the border of the summed absolute channel differences across it.
     color_distance : float32 ndarray of shape (M,)
         Summed absolute channel differences of the two segments' mean colours.
     middle : float32 ndarray of shape (M, 2)
@@ -71,7 +69,6 @@ class Borders:
 
     pairs: IndexArray
     length: NDArray[np.float32]
-    contrast: NDArray[np.float32]
     color_distance: NDArray[np.float32]
     middle: NDArray[np.float32]
 
@@ -118,14 +115,12 @@ def find_borders(labels: LabelMap, count: int, image: Image) -> Borders:
     """Find all pairs of 4-neighbouring segments, and how alike the two are."""
     height, width = labels.shape
     channels = image.reshape(height, width, -1)
-    pairs, sums = _border_kernel(labels, count, channels)
+    pairs, sums = _border_kernel(labels, count)
     length = sums[:, 0]
     colors = _mean_color_kernel(labels, count, channels)
-    distance = np.abs(colors[pairs[:, 0]] - colors[pairs[:, 1]]).mean(axis=1) * 3
     # Grey images count as three equal channels.
-    contrast = sums[:, 1] * (3 / channels.shape[2]) / length
-    return Borders(pairs, length, contrast.astype(np.float32), distance.astype(np.float32),
-                   sums[:, 2:] / length[:, None])
+    distance = np.abs(colors[pairs[:, 0]] - colors[pairs[:, 1]]).mean(axis=1) * 3
+    return Borders(pairs, length, distance.astype(np.float32), sums[:, 1:] / length[:, None])
 
 
 @njit(cache=True, nogil=True)
@@ -159,14 +154,14 @@ def _mean_color_kernel(labels, count, image):
 
 
 @njit(cache=True, nogil=True)
-def _border_kernel(labels, count, image):
-    """Pairs of touching labels; sums of 1, colour change, x and y over each border."""
+def _border_kernel(labels, count):
+    """Pairs of touching labels; sums of 1, x and y over each border."""
     edges, starts = _edges_by_lower_label(labels, count)
     height, width = labels.shape
     seen_for = np.full(count, -1, np.int32)
     slot = np.empty(count, np.int32)
     pairs = np.empty((edges.shape[0], 2), np.int32)
-    sums = np.zeros((edges.shape[0], 4), np.float32)
+    sums = np.zeros((edges.shape[0], 3), np.float32)
     found = 0
     for low in range(count):
         for i in range(starts[low], starts[low + 1]):
@@ -179,14 +174,10 @@ def _border_kernel(labels, count, image):
                 slot[high] = found
                 pairs[found, 0], pairs[found, 1] = low, high
                 found += 1
-            change = np.int32(0)
-            for c in range(image.shape[2]):
-                change += abs(np.int32(image[y, x, c]) - np.int32(image[ny, nx, c]))
             row = sums[slot[high]]
             row[0] += 1
-            row[1] += change
-            row[2] += np.float32(0.5) * (x + nx)
-            row[3] += np.float32(0.5) * (y + ny)
+            row[1] += np.float32(0.5) * (x + nx)
+            row[2] += np.float32(0.5) * (y + ny)
     return pairs[:found].copy(), sums[:found].copy()
 
 

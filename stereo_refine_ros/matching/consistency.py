@@ -52,17 +52,6 @@ def left_right_check(left: FloatMap, right: FloatMap, tolerance: float) -> NDArr
     return consistent
 
 
-def right_from_left(left: FloatMap) -> FloatMap:
-    """
-    Move the disparities of the left view to the right view, float32 (H, W).
-
-    Where several meet, the largest stays: it is in front. NaN where none arrives.
-    """
-    right = np.full(left.shape, np.nan, np.float32)
-    _forward_kernel(left, right)
-    return right
-
-
 def remove_speckles(values: FloatMap, size: int, step: float) -> FloatMap:
     """
     Drop islands: at most `size` pixels, within which neighbours differ by at most `step`.
@@ -87,15 +76,3 @@ def _check_kernel(left, right, tolerance, consistent):
             if 0 <= partner < width:
                 # A NaN on the right compares as False.
                 consistent[y, x] = abs(left[y, x] - right[y, partner]) <= tolerance
-
-
-@njit(cache=True, nogil=True)
-def _forward_kernel(left, right):
-    height, width = left.shape
-    for y in range(height):
-        for x in range(width):
-            if np.isnan(left[y, x]):
-                continue
-            partner = int(np.floor(x - left[y, x] + 0.5))
-            if 0 <= partner < width and not right[y, partner] > left[y, x]:
-                right[y, partner] = left[y, x]

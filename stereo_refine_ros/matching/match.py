@@ -17,6 +17,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
+
+import numpy as np
 
 from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.types import DisparityMap, FloatMap
@@ -31,25 +34,32 @@ class Match:
     ----------
     disparity : DisparityMap
         Left view, sub-pixel, left-right checked: NaN where the check failed or nothing matched.
-    right : float32 ndarray of shape (H, W), or None
-        Disparity of the right view: its column x matches column x + d of the left; NaN invalid.
     subpixel : float32 ndarray of shape (H, W), or None
         Sub-pixel winner-takes-all disparities that passed the left-right check, NaN elsewhere:
         the data that planes are fitted to. None where `disparity` itself is that.
     evidence : Evidence, or None
         The optimised cost volume, where the matcher has it.
+    is_own : bool
+        Whether a matcher here found it, left-right checked; False for a map from outside.
     is_trusted : bool
         Whether a map from outside deserves more belief than the evidence (see `refinement.trust`).
 
     """
 
     disparity: DisparityMap
-    right: FloatMap | None = None
     subpixel: FloatMap | None = None
     evidence: Evidence | None = None
+    is_own: bool = True
     is_trusted: bool = False
 
     @property
     def fit_data(self) -> FloatMap:
         """What planes are fitted to: `subpixel` where there is one, else `disparity`."""
         return self.disparity.values if self.subpixel is None else self.subpixel
+
+    @property
+    def lr_consistent_ratio(self) -> float:
+        """Share of pixels that passed the left-right check, NaN where nobody made it."""
+        if not self.is_own:
+            return math.nan
+        return float(np.count_nonzero(np.isfinite(self.fit_data))) / self.fit_data.size

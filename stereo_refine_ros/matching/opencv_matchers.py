@@ -22,7 +22,6 @@ import cv2
 import numpy as np
 
 from stereo_refine_ros.images import pad, to_grey
-from stereo_refine_ros.matching.consistency import right_from_left
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.types import DisparityMap, FloatMap, StereoPair
@@ -75,8 +74,7 @@ def _match(matcher: Any, left: Any, right: Any, params: MatchingParams) -> Match
     height, width = left.shape[:2]
     fixed = matcher.compute(left, right)[margin:height - margin, before:width - after]
     values = _to_float(fixed, params)
-    return Match(DisparityMap(values, params.min_disparity, params.num_disparities),
-                 right_from_left(values))
+    return Match(DisparityMap(values, params.min_disparity, params.num_disparities))
 
 
 def _to_float(fixed: np.ndarray, params: MatchingParams) -> FloatMap:

@@ -24,8 +24,7 @@ from stereo_refine_ros.matching import scanline_kernels as kernels
 from stereo_refine_ros.matching.consistency import left_right_check
 from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.matching.match import Match
-from stereo_refine_ros.matching.robust_cost import (
-    COST_UNIT, matching_features, padded_depth)
+from stereo_refine_ros.matching.robust_cost import COST_UNIT, matching_features, padded_depth
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import DisparityMap, FloatMap, Image, StereoPair
@@ -55,7 +54,7 @@ def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1) -
     stable &= ~_islands(np.where(stable, winners, -1))
     values = np.where(stable, subpixel + first, np.float32(np.nan))
     disparity = DisparityMap(values, params.min_disparity, params.num_disparities)
-    return Match(disparity, right, evidence=evidence)
+    return Match(disparity, evidence=evidence)
 
 
 def gather_evidence(pair: StereoPair, params: MatchingParams, threads: int = 1,

@@ -26,13 +26,13 @@ from stereo_refine_ros.types import FloatMap
 
 
 def spread_over_tree(values: FloatMap, tree: PixelTree, min_disparity: int,
-                     num_disparities: int, sigma: float, limit: float = np.inf,
+                     num_disparities: int, sigma: float,
                      threads: int = 1) -> FloatMap:
     """
     Give every pixel the whole disparity that the pixels near it in the tree agree on.
 
-    A valid pixel votes with the cost min(|d - value|, limit), an invalid one not at all; the
-    aggregated cost decides. Without a limit this is the weighted median along the tree.
+    A valid pixel votes with the cost |d - value|, an invalid one not at all; the aggregated cost
+    decides. This is the weighted median along the tree.
 
     Parameters
     ----------
@@ -44,8 +44,6 @@ def spread_over_tree(values: FloatMap, tree: PixelTree, min_disparity: int,
         The disparities to choose from: [min_disparity, min_disparity + num_disparities).
     sigma : float
         Reach along the tree; colour differences in units of 255.
-    limit : float
-        Largest cost, in pixels.
     threads : int
         With 2 or more, two halves of the disparities are aggregated side by side.
 
@@ -60,7 +58,7 @@ def spread_over_tree(values: FloatMap, tree: PixelTree, min_disparity: int,
 
     """
     half = num_disparities // 2 if threads > 1 else 0
-    args = values, tree, sigma, limit
+    args = values, tree, sigma
     upper = start(threads, _lowest, min_disparity + half, num_disparities - half, *args)
     if half == 0:
         return upper.result()[0]
@@ -70,11 +68,10 @@ def spread_over_tree(values: FloatMap, tree: PixelTree, min_disparity: int,
 
 
 def _lowest(first: int, count: int, values: FloatMap, tree: PixelTree, sigma: float,
-            limit: float) -> tuple[FloatMap, FloatMap]:
+            ) -> tuple[FloatMap, FloatMap]:
     """Return the best of the disparities first..first + count - 1, and its cost."""
     volume = np.empty((*values.shape, count), np.float32)
-    _vote_kernel(values.reshape(-1), np.float32(first), np.float32(limit),
-                 volume.reshape(-1, count))
+    _vote_kernel(values.reshape(-1), np.float32(first), volume.reshape(-1, count))
     aggregate(volume, tree, sigma)
     winners = select_winners(volume)
     cost = np.take_along_axis(volume, winners[..., np.newaxis], axis=2)[..., 0]
@@ -82,7 +79,7 @@ def _lowest(first: int, count: int, values: FloatMap, tree: PixelTree, sigma: fl
 
 
 @njit(cache=True, nogil=True)
-def _vote_kernel(values, first, limit, rows):
+def _vote_kernel(values, first, rows):
     for i in range(rows.shape[0]):
         row = rows[i]
         if np.isnan(values[i]):
@@ -90,4 +87,4 @@ def _vote_kernel(values, first, limit, rows):
             continue
         distance = first - values[i]
         for k in range(row.size):
-            row[k] = min(abs(distance + np.float32(k)), limit)
+            row[k] = abs(distance + np.float32(k))

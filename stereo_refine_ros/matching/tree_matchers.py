@@ -65,7 +65,7 @@ def _match_on_tree(pair: StereoPair, params: MatchingParams, build: TreeBuilder,
 
     With `nonlocal_refinement` the disparity is dense and whole, as its authors have it;
     without, it is sub-pixel and NaN where the check failed. `subpixel` is the latter in any
-    case, `right` the winners of the right view.
+    case.
     """
     left, right = _aggregate_views(pair, params, build, threads)
     colour_tree = left.tree
@@ -84,7 +84,7 @@ def _match_on_tree(pair: StereoPair, params: MatchingParams, build: TreeBuilder,
             params.num_disparities, TREE_SIGMA / 2, threads=threads)
         values = cv2.medianBlur(refined, _MEDIAN)
     disparity = DisparityMap(values, params.min_disparity, params.num_disparities)
-    return Match(disparity, right.winners, subpixel)
+    return Match(disparity, subpixel=subpixel)
 
 
 def _aggregate_views(pair: StereoPair, params: MatchingParams, build: TreeBuilder, threads: int,

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
 import numpy as np
 
 from stereo_refine_ros.quality.image_metrics import default_scale
@@ -80,21 +79,9 @@ def measure_frame(result: RefinementResult, pair: StereoPair, truth: FloatMap | 
 
 def mean_inlier_ratio(segments: PlaneSegmentation) -> float:
     """Average the inlier ratio of the fitted segments, weighted by their pixels; NaN if none."""
-    pixels = np.zeros(len(segments.planes), np.int64)
-    _count_kernel(segments.labels, pixels)
+    pixels = np.bincount(segments.labels.reshape(-1), minlength=len(segments.planes))
     weights = np.where(segments.is_fitted, pixels, 0)
     total = weights.sum()
     if total == 0:
         return math.nan
     return float(np.sum(weights * np.where(segments.is_fitted, segments.inlier_ratio, 0)) / total)
-
-
-@njit(cache=True, nogil=True)
-def _count_kernel(labels, counts):
-    """Add up the pixels of every label, run by run: single ones would wait for each other."""
-    for y in range(labels.shape[0]):
-        first = 0
-        for x in range(1, labels.shape[1] + 1):
-            if x == labels.shape[1] or labels[y, x] != labels[y, first]:
-                counts[labels[y, first]] += x - first
-                first = x

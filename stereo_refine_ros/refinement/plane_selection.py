@@ -52,8 +52,8 @@ def select_planes(planes: NDArray[np.float64], lists: PixelLists, borders: Borde
 
     Parameters
     ----------
-    planes : float64 ndarray of shape (N, 3)
-        NaN where a segment has none.
+    planes : float64 ndarray of shape (N, 5)
+        Columns a, b, c, least and largest disparity; NaN where a segment has none.
     lists : PixelLists
         The pixels of every segment.
     borders : Borders

@@ -134,7 +134,7 @@ def segment(image, k, min_size, directions):
 
 
 def borders(labels, image):
-    """Return {(low, high): (length, contrast, colour distance, middle x, middle y)}."""
+    """Return {(low, high): (length, colour distance, middle x, middle y)}."""
     height, width = labels.shape
     image = image.astype(float)
     if image.ndim == 2:
@@ -144,11 +144,10 @@ def borders(labels, image):
         for v, u in ((y, x + 1), (y + 1, x)):
             if v < height and u < width and labels[v, u] != labels[y, x]:
                 pair = tuple(sorted((int(labels[y, x]), int(labels[v, u]))))
-                change = np.abs(image[y, x] - image[v, u]).sum()
-                steps.setdefault(pair, []).append((change, (x + u) / 2, (y + v) / 2))
+                steps.setdefault(pair, []).append(((x + u) / 2, (y + v) / 2))
     found = {}
     for (low, high), rows in steps.items():
         distance = np.abs(image[labels == low].mean(0) - image[labels == high].mean(0)).sum()
-        contrast, x, y = np.mean(rows, axis=0)
-        found[low, high] = len(rows), contrast, distance, x, y
+        x, y = np.mean(rows, axis=0)
+        found[low, high] = len(rows), distance, x, y
     return found

@@ -50,7 +50,7 @@ def test_borders_are_those_of_the_slow_version(shape):
     pairs = [tuple(pair) for pair in found.pairs.tolist()]
     assert len(pairs) == len(set(pairs))
     assert set(pairs) == set(expected)
-    values = np.column_stack([found.length, found.contrast, found.color_distance, found.middle])
+    values = np.column_stack([found.length, found.color_distance, found.middle])
     np.testing.assert_allclose(values, [expected[pair] for pair in pairs], rtol=1e-5)
 
 
@@ -61,14 +61,14 @@ def test_the_border_of_two_halves():
     found = find_borders(labels, 2, image)
     assert found.pairs.tolist() == [[0, 1]]
     assert found.length.tolist() == [4.0]
-    assert found.contrast.tolist() == found.color_distance.tolist() == [60.0]
+    assert found.color_distance.tolist() == [60.0]
     assert found.middle.tolist() == [[1.5, 1.5]]
 
 
 def test_one_segment_has_no_border():
     found = find_borders(np.zeros((5, 4), np.int32), 1, np.zeros((5, 4), np.uint8))
     assert found.pairs.shape == (0, 2)
-    assert found.length.shape == found.contrast.shape == found.color_distance.shape == (0,)
+    assert found.length.shape == found.color_distance.shape == (0,)
     assert found.middle.shape == (0, 2)
 
 

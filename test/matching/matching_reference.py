@@ -72,17 +72,6 @@ def left_right_check(left, right, tolerance):
     return consistent
 
 
-def right_from_left(left):
-    """Collect what arrives at every pixel of the right view and keep the largest."""
-    right = np.full(left.shape, np.nan)
-    for y in range(left.shape[0]):
-        for u in range(left.shape[1]):
-            arriving = [d for x, d in enumerate(left[y])
-                        if np.isfinite(d) and int(np.floor(x - d + 0.5)) == u]
-            right[y, u] = max(arriving, default=np.nan)
-    return right
-
-
 def remove_speckles(values, size, step):
     """Grow every island pixel by pixel."""
     kept = values.copy()

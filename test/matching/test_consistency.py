@@ -18,8 +18,7 @@ import matching_reference
 import numpy as np
 import pytest
 
-from stereo_refine_ros.matching.consistency import (
-    left_right_check, remove_speckles, right_from_left)
+from stereo_refine_ros.matching.consistency import left_right_check, remove_speckles
 
 NAN = np.float32('nan')
 
@@ -51,20 +50,6 @@ def test_check_by_hand():
 def test_check_refuses_maps_of_two_sizes():
     with pytest.raises(ValueError, match=r'right: expected shape \(2, 3\), got \(3, 2\)'):
         left_right_check(np.zeros((2, 3), np.float32), np.zeros((3, 2), np.float32), 0)
-
-
-def test_forward_warp_is_the_naive_one():
-    left = random_map(3)
-    right = right_from_left(left)
-    assert right.dtype == np.float32
-    np.testing.assert_array_equal(right, matching_reference.right_from_left(left))
-
-
-def test_the_nearer_surface_hides_the_farther_one():
-    left = np.array([[1, 1, 3, 1, 1, NAN]], np.float32)
-    np.testing.assert_array_equal(right_from_left(left), [[1, NAN, 1, 1, NAN, NAN]])
-    left[0, 3] = 3
-    np.testing.assert_array_equal(right_from_left(left), [[3, NAN, NAN, 1, NAN, NAN]])
 
 
 @pytest.mark.parametrize('size, step', [(0, 1.0), (1, 1.0), (3, 0.5), (3, 2.0), (6, 1.0)])

@@ -14,8 +14,6 @@
 
 """The choice among planes against every energy written out."""
 
-from dataclasses import replace
-
 import numpy as np
 import plane_reference
 import pytest
@@ -49,8 +47,6 @@ def problem(seed, min_disparity=0):
     evidence = gather_evidence(
         StereoPair(*views), MatchingParams('scanline', min_disparity, 9))[0]
     borders = find_borders(labels, 20, views[0])
-    # Whichever of the two weighs the borders.
-    borders = replace(borders, contrast=borders.color_distance)
     return labels, borders, evidence, rng.random(labels.shape) < 0.5
 
 

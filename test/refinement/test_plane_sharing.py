@@ -56,7 +56,7 @@ def make_borders(pairs, distance, length=1.0):
     count = len(pairs)
     distance = np.asarray(distance, np.float32)
     return Borders(np.array(pairs, np.int32).reshape(-1, 2), np.full(count, length, np.float32),
-                   distance, distance, np.zeros((count, 2), np.float32))
+                   distance, np.zeros((count, 2), np.float32))
 
 
 def make_fits(data_count, inlier_ratio):
