@@ -143,9 +143,13 @@ class PlaneSegmentation:
     labels : int32 ndarray of shape (H, W), 0..N-1
     planes : float64 ndarray of shape (N, 3), columns a, b, c
     is_fitted : bool ndarray of shape (N,)
-        False where no plane could be fitted; its row in `planes` is NaN.
+        False where no plane rests on the segment's own data; its row in `planes` is then that of
+        a neighbour, or NaN.
     inlier_ratio : float32 ndarray of shape (N,)
         Share of the segment's fit data within the inlier threshold of its plane.
+    plane_index : int32 ndarray of shape (N,)
+        Segments of one plane have one number, -1 those without any. If not given, every segment
+        has a plane of its own.
 
     """
 
@@ -153,6 +157,14 @@ class PlaneSegmentation:
     planes: NDArray[np.float64]
     is_fitted: NDArray[np.bool_]
     inlier_ratio: FloatMap
+    plane_index: LabelMap = field(default_factory=lambda: np.zeros(0, np.int32))
+
+    def __post_init__(self) -> None:
+        """Give every segment a plane of its own where nothing else is said."""
+        if self.plane_index.size == 0:
+            numbers = np.arange(len(self.planes), dtype=np.int32)
+            has_plane = np.isfinite(self.planes[:, 0])
+            object.__setattr__(self, 'plane_index', np.where(has_plane, numbers, np.int32(-1)))
 
 
 @dataclass(frozen=True)

@@ -129,12 +129,8 @@ def _error_colors() -> Image:
 
 def _plane_groups(segments: PlaneSegmentation) -> NDArray[np.int64]:
     """Give all segments of one plane one number, and each without a plane its own."""
-    group = np.arange(len(segments.planes)) + len(segments.planes)
-    fitted = segments.is_fitted
-    if fitted.any():
-        _, shared = np.unique(segments.planes[fitted], axis=0, return_inverse=True)
-        group[fitted] = shared.reshape(-1)
-    return group
+    count = len(segments.planes)
+    return np.where(segments.is_fitted, segments.plane_index, count + np.arange(count))
 
 
 def _boundaries(labels: NDArray) -> NDArray[np.bool_]:

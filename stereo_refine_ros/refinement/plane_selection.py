@@ -24,6 +24,8 @@ stereo.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from numba import njit
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +33,7 @@ from numpy.typing import NDArray
 from stereo_refine_ros.graph.segment_graph import Borders, PixelLists
 from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.matching.robust_cost import COST_UNIT
+from stereo_refine_ros.refinement.plane_sharing import SharedPlanes
 from stereo_refine_ros.refinement.planes import bounded_disparity
 
 # Pixels of a segment that its planes are tried on.
@@ -45,15 +48,15 @@ _INVISIBLE = 0.65
 _CONTRADICTED = 2.0
 
 
-def select_planes(planes: NDArray[np.float64], lists: PixelLists, borders: Borders,
-                  evidence: Evidence, matched: NDArray[np.bool_]) -> NDArray[np.float64]:
+def select_planes(planes: SharedPlanes, lists: PixelLists, borders: Borders,
+                  evidence: Evidence, matched: NDArray[np.bool_]) -> SharedPlanes:
     """
     Let segments take over neighbours' planes where that lowers the energy.
 
     Parameters
     ----------
-    planes : float64 ndarray of shape (N, 5)
-        Columns a, b, c, least and largest disparity; NaN where a segment has none.
+    planes : SharedPlanes
+        After adoption.
     lists : PixelLists
         The pixels of every segment.
     borders : Borders
@@ -63,54 +66,44 @@ def select_planes(planes: NDArray[np.float64], lists: PixelLists, borders: Borde
     matched : bool ndarray of shape (H, W)
         Pixels whose match passed the left-right check.
 
-    Returns
-    -------
-    float64 ndarray of shape (N, 5)
-
     """
-    count = planes.shape[0]
+    count = len(planes.index)
     ends = borders.pairs.T.reshape(-1)
     order = np.argsort(ends, kind='stable')
     touching = (order % len(borders.pairs)).astype(np.int32) if len(order) else order
     first = np.searchsorted(ends[order], np.arange(count + 1))
     weight = (_SMOOTHNESS * borders.length
               * np.exp(-borders.color_distance / _COLOR_SCALE)).astype(np.float64)
-    chosen = planes.copy()
-    _select_kernel(chosen, lists.pixels, lists.starts, borders.pairs, borders.middle, weight,
-                   touching, first, (evidence.cost, evidence.right, evidence.min_disparity,
-                                     evidence.num_disparities, float(COST_UNIT)), matched)
-    return chosen
+    index = planes.index.copy()
+    _select_kernel(planes.coefficients, index, lists.pixels, lists.starts, borders.pairs,
+                   borders.middle, weight, touching, first, (
+                       evidence.cost, evidence.right, evidence.min_disparity,
+                       evidence.num_disparities, float(COST_UNIT)), matched)
+    return replace(planes, index=index)
 
 
 @njit(cache=True, nogil=True)
-def _select_kernel(planes, pixels, starts, pairs, middle, weight, touching, first,
+def _select_kernel(planes, index, pixels, starts, pairs, middle, weight, touching, first,
                    evidence, matched):
-    for label in range(planes.shape[0]):
+    for label in range(index.shape[0]):
         borders = touching[first[label]:first[label + 1]]
         members = pixels[starts[label]:starts[label + 1]]
         giver = -1
         lowest = np.inf
-        if np.isfinite(planes[label, 0]):
-            giver = label
-            lowest = (_data_energy(planes[label], members, evidence, matched)
-                      + _step_energy(planes[label], label, borders, pairs, middle, weight,
-                                     planes))
+        if index[label] >= 0:
+            giver = index[label]
+            lowest = (_data_energy(planes[giver], members, evidence, matched)
+                      + _step_energy(giver, label, borders, pairs, middle, weight, planes, index))
         for border in borders:
-            other = pairs[border, 0] + pairs[border, 1] - label
-            if not np.isfinite(planes[other, 0]) or _is_same(planes[other], planes[label]):
+            other = index[pairs[border, 0] + pairs[border, 1] - label]
+            if other < 0 or other == index[label]:
                 continue
-            energy = _step_energy(planes[other], label, borders, pairs, middle, weight, planes)
+            energy = _step_energy(other, label, borders, pairs, middle, weight, planes, index)
             if energy < lowest:
                 energy += _data_energy(planes[other], members, evidence, matched)
             if energy < lowest:
                 lowest, giver = energy, other
-        if giver >= 0:
-            planes[label] = planes[giver]
-
-
-@njit(cache=True, nogil=True)
-def _is_same(a, b):
-    return a[0] == b[0] and a[1] == b[1] and a[2] == b[2]
+        index[label] = giver
 
 
 @njit(cache=True, nogil=True)
@@ -129,12 +122,14 @@ def _data_energy(plane, members, evidence, matched):
 
 
 @njit(cache=True, nogil=True)
-def _step_energy(plane, label, borders, pairs, middle, weight, planes):
+def _step_energy(number, label, borders, pairs, middle, weight, planes, index):
     """Cost of the steps that a plane makes at the middle of every border of its segment."""
     energy = 0.0
+    plane = planes[number]
     for border in borders:
-        other = planes[pairs[border, 0] + pairs[border, 1] - label]
-        if np.isfinite(other[0]):
+        neighbour = index[pairs[border, 0] + pairs[border, 1] - label]
+        if neighbour >= 0:
+            other = planes[neighbour]
             step = abs((plane[0] - other[0]) * middle[border, 0]
                        + (plane[1] - other[1]) * middle[border, 1] + plane[2] - other[2])
             energy += weight[border] * min(step, _LARGEST_STEP)

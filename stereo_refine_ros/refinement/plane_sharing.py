@@ -21,6 +21,8 @@ could not see lies most likely on the plane of the neighbour it resembles.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 from numba import njit
 import numpy as np
 from numpy.typing import NDArray
@@ -36,46 +38,72 @@ _MERGE_RISE = 0.15
 _ADOPTION_PASSES = 20
 
 
-def merge_coplanar(fits: PlaneFits, borders: Borders, params: PlaneParams) -> NDArray[np.float64]:
+@dataclass(frozen=True, eq=False)
+class SharedPlanes:
+    """
+    Planes, and which of them every segment has: one plane may lie under many segments.
+
+    Attributes
+    ----------
+    coefficients : float64 ndarray of shape (M, 5), finite
+        Columns a, b, c, and the least and the largest disparity among the inliers.
+    index : int32 ndarray of shape (N,)
+        Row of `coefficients` for each segment, -1 where it has no plane. Not every plane need
+        still have a segment.
+
+    """
+
+    coefficients: NDArray[np.float64]
+    index: NDArray[np.int32]
+
+    def by_segment(self) -> NDArray[np.float64]:
+        """Return the plane of every segment, float64 (N, 5), NaN where it has none."""
+        planes = np.full((len(self.index), 5), np.nan)
+        has_plane = self.index >= 0
+        planes[has_plane] = self.coefficients[self.index[has_plane]]
+        return planes
+
+
+def merge_coplanar(fits: PlaneFits, borders: Borders, params: PlaneParams) -> SharedPlanes:
     """
     Replace the planes of coplanar neighbours by their joint plane, most alike in colour first.
 
-    Returns
-    -------
-    float64 ndarray of shape (N, 5)
-        As in `PlaneFits`; a joint plane has the range of all its parts.
-
+    A joint plane has the range of all its parts; segments without a fit have no plane.
     """
     count = fits.planes.shape[0]
     order = np.argsort(borders.color_distance, kind='stable')
     parent, size = make_sets(count)
     trusted = (fits.inlier_ratio >= params.min_inlier_ratio) & (fits.moments[:, 0] >= MIN_DATA)
     planes = fits.planes.copy()
-    _merge_kernel(borders.pairs[order], trusted, fits.moments.copy(), planes, parent, size)
-    return planes
+    roots = np.empty(count, np.int32)
+    _merge_kernel(borders.pairs[order], trusted, fits.moments.copy(), planes, parent, size, roots)
+    is_plane = (roots == np.arange(count)) & np.isfinite(planes[:, 0])
+    number = np.where(is_plane, np.cumsum(is_plane) - 1, -1).astype(np.int32)
+    return SharedPlanes(planes[is_plane], number[roots])
 
 
-def adopt_planes(planes: NDArray[np.float64], fits: PlaneFits, borders: Borders,
-                 params: PlaneParams) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def adopt_planes(planes: SharedPlanes, fits: PlaneFits, borders: Borders, params: PlaneParams,
+                 ) -> tuple[SharedPlanes, NDArray[np.bool_]]:
     """
     Give segments without evidence the plane of the neighbour that they most resemble.
 
     Returns
     -------
-    planes : float64 ndarray of shape (N, 5), NaN where no neighbour had a plane to give
+    planes : SharedPlanes
+        -1 where no neighbour had a plane to give.
     own : bool ndarray of shape (N,)
         True where the plane rests on the segment's own data.
 
     """
     own = (fits.data_count >= MIN_DATA) & (fits.inlier_ratio >= params.min_inlier_ratio)
     unlikeness = (borders.color_distance - 2 * np.log(borders.length)).astype(np.float64)
-    adopted = np.where(own[:, None], planes, np.nan)
-    _adopt_kernel(borders.pairs, unlikeness, adopted, own.copy())
-    return adopted, own
+    index = np.where(own, planes.index, np.int32(-1))
+    _adopt_kernel(borders.pairs, unlikeness, index)
+    return replace(planes, index=index), own
 
 
 @njit(cache=True, nogil=True)
-def _merge_kernel(pairs, trusted, moments, planes, parent, size):
+def _merge_kernel(pairs, trusted, moments, planes, parent, size, roots):
     for i in range(pairs.shape[0]):
         if not (trusted[pairs[i, 0]] and trusted[pairs[i, 1]]):
             continue
@@ -92,7 +120,7 @@ def _merge_kernel(pairs, trusted, moments, planes, parent, size):
         planes[root, 0], planes[root, 1], planes[root, 2] = plane
         planes[root, 3], planes[root, 4] = low, high
     for label in range(parent.shape[0]):
-        planes[label] = planes[find(parent, label)]
+        roots[label] = find(parent, label)
 
 
 @njit(cache=True, nogil=True)
@@ -102,20 +130,19 @@ def _rises(sums, old, new):
 
 
 @njit(cache=True, nogil=True)
-def _adopt_kernel(pairs, unlikeness, planes, has_plane):
-    count = planes.shape[0]
+def _adopt_kernel(pairs, unlikeness, index):
+    count = index.shape[0]
     for _ in range(_ADOPTION_PASSES):
         least = np.full(count, np.inf)
         giver = np.full(count, -1, np.int64)
         for i in range(pairs.shape[0]):
             for side in range(2):
                 taker, other = pairs[i, side], pairs[i, 1 - side]
-                if not has_plane[taker] and has_plane[other] and unlikeness[i] < least[taker]:
+                if index[taker] < 0 <= index[other] and unlikeness[i] < least[taker]:
                     least[taker] = unlikeness[i]
                     giver[taker] = other
         if giver.max() < 0:
             break
         for label in range(count):
             if giver[label] >= 0:
-                planes[label] = planes[giver[label]]
-                has_plane[label] = True
+                index[label] = index[giver[label]]

@@ -32,7 +32,7 @@ from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.params import PlaneParams
 from stereo_refine_ros.refinement.filling import fill_from_background
 from stereo_refine_ros.refinement.plane_selection import select_planes
-from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar
+from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar, SharedPlanes
 from stereo_refine_ros.refinement.planes import fit_planes, PlaneFits
 from stereo_refine_ros.refinement.projection import ALIKE, choose_candidates, plane_disparities
 from stereo_refine_ros.refinement.spreading import spread_disparities
@@ -73,7 +73,8 @@ def project_full(match: Match, graph: SegmentGraph, params: PlaneParams,
     fits = fit_planes(graph.lists, match.fit_data, params, threads)
     is_fitted = fits.inlier_ratio >= max(params.min_inlier_ratio, 1e-6)
     planes = np.where(is_fitted[:, None], fits.planes, np.nan)
-    segments = _segments(graph, planes, is_fitted, fits)
+    segments = PlaneSegmentation(
+        graph.labels, np.ascontiguousarray(planes[:, :3]), is_fitted, fits.inlier_ratio)
     return segments, put_on_planes(match.disparity, segments)
 
 
@@ -116,7 +117,8 @@ def project_guarded(match: Match, evidence: Evidence | None, graph: SegmentGraph
     begin = _spread(match, graph, threads) if is_spread else fill_from_background(kept)
     near = np.where(np.abs(data - begin) <= _FIT_REACH, data, np.float32(np.nan))
     fits = fit_planes(graph.lists, near, params, threads)
-    planes, own = _share(fits, graph, evidence, matched, params)
+    shared, own = _share(fits, graph, evidence, matched, params)
+    planes = shared.by_segment()
     proposed = plane_disparities(graph.labels, planes, *_range(match.disparity))
     if evidence is None:
         values = np.where(matched | np.isnan(proposed), begin, proposed)
@@ -128,8 +130,10 @@ def project_guarded(match: Match, evidence: Evidence | None, graph: SegmentGraph
         values = _with_subpixel(values, data, proposed)
     else:
         values = np.where(np.abs(kept - values) < ALIKE, kept, values)
-    is_fitted = own & np.isfinite(planes[:, 0])
-    return _segments(graph, planes, is_fitted, fits), values
+    segments = PlaneSegmentation(
+        graph.labels, np.ascontiguousarray(planes[:, :3]), own & (shared.index >= 0),
+        fits.inlier_ratio, shared.index)
+    return segments, values
 
 
 def _inertia(match: Match, rows: int) -> float:
@@ -161,19 +165,13 @@ def _with_subpixel(chosen: FloatMap, data: FloatMap, planes: FloatMap) -> FloatM
 
 def _share(fits: PlaneFits, graph: SegmentGraph, evidence: Evidence | None,
            matched: NDArray[np.bool_], params: PlaneParams,
-           ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+           ) -> tuple[SharedPlanes, NDArray[np.bool_]]:
     """Merge, adopt, select; `own` marks segments whose plane rests on their own data."""
     merged = merge_coplanar(fits, graph.borders, params)
     planes, own = adopt_planes(merged, fits, graph.borders, params)
     if evidence is not None:
         planes = select_planes(planes, graph.lists, graph.borders, evidence, matched)
     return planes, own
-
-
-def _segments(graph: SegmentGraph, planes: NDArray[np.float64],
-              is_fitted: NDArray[np.bool_], fits: PlaneFits) -> PlaneSegmentation:
-    return PlaneSegmentation(
-        graph.labels, np.ascontiguousarray(planes[:, :3]), is_fitted, fits.inlier_ratio)
 
 
 def _range(disparity: DisparityMap) -> tuple[float, float]:

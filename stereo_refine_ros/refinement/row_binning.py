@@ -99,7 +99,8 @@ def restore_rows(values: FloatMap, segments: PlaneSegmentation, binned: Image, i
               binned.reshape(len(binned), width, -1), image.reshape(height, width, -1), rows,
               restored, labels)
     return restored, PlaneSegmentation(
-        labels, _planes_of_rows(segments.planes, rows), segments.is_fitted, segments.inlier_ratio)
+        labels, _planes_of_rows(segments.planes, rows), segments.is_fitted, segments.inlier_ratio,
+        segments.plane_index)
 
 
 def keep_agreeing(restored: FloatMap, preliminary: FloatMap) -> FloatMap:

@@ -54,7 +54,8 @@ def test_segments_of_one_plane_look_alike_and_boundaries_are_white():
     labels = np.repeat(np.arange(4, dtype=np.int32), 6)[None].repeat(8, axis=0)
     planes = np.array([[0, 0, 5.0], [0, 0, 5], [0, 0.1, 2], [np.nan] * 3])
     segments = PlaneSegmentation(
-        labels, planes, np.isfinite(planes[:, 0]), np.ones(4, np.float32))
+        labels, planes, np.isfinite(planes[:, 0]), np.ones(4, np.float32),
+        np.array([0, 0, 1, -1], np.int32))
     left = np.full((8, 24, 3), 100, np.uint8)
     row = draw_segments(left, segments)[4]
     np.testing.assert_array_equal(row[0], row[6])

@@ -22,6 +22,7 @@ from stereo_refine_ros.graph.segment_graph import find_borders, group_pixels
 from stereo_refine_ros.matching.scanline import gather_evidence
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.refinement.plane_selection import select_planes
+from stereo_refine_ros.refinement.plane_sharing import SharedPlanes
 from stereo_refine_ros.types import StereoPair
 
 
@@ -34,8 +35,13 @@ def wrapping_allowed():
 
 def select(planes, *args):
     """Select among planes that are believed everywhere."""
-    bounds = np.tile([-1000.0, 1000.0], (len(planes), 1))
-    return select_planes(np.hstack([planes, bounds]), *args)[:, :3]
+    found = np.isfinite(planes[:, 0])
+    bounds = np.tile([-1000.0, 1000.0], (found.sum(), 1))
+    coefficients, index = np.unique(planes[found], axis=0, return_inverse=True)
+    numbers = np.full(len(planes), -1, np.int32)
+    numbers[found] = index.reshape(-1)
+    shared = SharedPlanes(np.hstack([coefficients, bounds[:len(coefficients)]]), numbers)
+    return select_planes(shared, *args).by_segment()[:, :3]
 
 
 def problem(seed, min_disparity=0):

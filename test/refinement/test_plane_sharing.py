@@ -22,7 +22,7 @@ from stereo_refine_ros.graph.segment_graph import Borders, find_borders, group_p
 from stereo_refine_ros.graph.segmentation import segment_image
 from stereo_refine_ros.params import PlaneParams, SegmentationParams
 from stereo_refine_ros.refinement import plane_sharing
-from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar
+from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar, SharedPlanes
 from stereo_refine_ros.refinement.planes import fit_planes, MIN_DATA, PlaneFits
 
 PARAMS = PlaneParams()
@@ -66,12 +66,17 @@ def make_fits(data_count, inlier_ratio):
                      np.zeros((count, 10)))
 
 
+def unshared(fits):
+    return SharedPlanes(fits.planes, np.arange(len(fits.planes), dtype=np.int32))
+
+
 @pytest.mark.parametrize('seed', range(5))
 def test_merging_by_moments_is_a_refit_of_the_united_points(seed):
     image, labels, count, data = patchwork(seed)
     fits = fit_planes(group_pixels(labels, count), data, PARAMS)
     borders = find_borders(labels, count, image)
-    merged = merge_coplanar(fits, borders, PARAMS)
+    shared = merge_coplanar(fits, borders, PARAMS)
+    merged = shared.by_segment()
     points = []
     for label in range(count):
         y, x = np.nonzero((labels == label) & np.isfinite(data))
@@ -86,11 +91,12 @@ def test_merging_by_moments_is_a_refit_of_the_united_points(seed):
         points, fits.planes[:, :3], trusted, borders.pairs[order].tolist(),
         plane_sharing._MERGE_RISE)
     np.testing.assert_allclose(merged[:, :3], expected, rtol=1e-6, atol=1e-6)
-    for label in np.flatnonzero(np.isfinite(merged[:, 0])):
-        parts = fits.planes[(merged[:, :3] == merged[label, :3]).all(axis=1), 3:]
-        assert merged[label, 3:].tolist() == [parts[:, 0].min(), parts[:, 1].max()]
-    distinct = len(np.unique(merged[np.isfinite(merged[:, 0])], axis=0))
-    assert distinct < np.isfinite(merged[:, 0]).sum()
+    np.testing.assert_array_equal(shared.index < 0, np.isnan(fits.planes[:, 0]))
+    for number, plane in enumerate(shared.coefficients):
+        parts = fits.planes[shared.index == number, 3:]
+        assert plane[3:].tolist() == [parts[:, 0].min(), parts[:, 1].max()]
+    assert len(np.unique(shared.coefficients, axis=0)) == len(shared.coefficients)
+    assert len(shared.coefficients) < np.count_nonzero(shared.index >= 0)
 
 
 def test_merging_leaves_the_fits_alone():
@@ -108,7 +114,8 @@ def test_neighbours_of_different_depth_stay_apart():
     data = np.where(labels == 0, 5.0, 8.0).astype(np.float32)
     fits = fit_planes(group_pixels(labels, 2), data, PARAMS)
     merged = merge_coplanar(fits, make_borders([(0, 1)], [0.0]), PARAMS)
-    np.testing.assert_allclose(merged[:, :3], [[0, 0, 5], [0, 0, 8]], atol=1e-9)
+    assert merged.index.tolist() == [0, 1]
+    np.testing.assert_allclose(merged.coefficients[:, :3], [[0, 0, 5], [0, 0, 8]], atol=1e-9)
 
 
 @pytest.mark.parametrize('seed', range(5))
@@ -121,10 +128,10 @@ def test_planes_are_adopted_from_the_least_unlike_neighbour(seed):
     borders.length[:] = rng.integers(1, 40, 24)
     own = rng.random(count) < 0.3
     fits = make_fits(np.where(own, 50, 10), np.full(count, 0.9))
-    adopted, found_own = adopt_planes(fits.planes, fits, borders, PARAMS)
+    adopted, found_own = adopt_planes(unshared(fits), fits, borders, PARAMS)
     unlikeness = borders.color_distance - 2 * np.log(borders.length)
     np.testing.assert_array_equal(found_own, own)
-    np.testing.assert_array_equal(adopted, plane_reference.adopt(
+    np.testing.assert_array_equal(adopted.by_segment(), plane_reference.adopt(
         fits.planes, own, borders.pairs, unlikeness, plane_sharing._ADOPTION_PASSES))
 
 
@@ -132,22 +139,25 @@ def test_adoption_goes_on_from_neighbour_to_neighbour_a_limited_way():
     count = 30
     fits = make_fits([50] + [0] * (count - 1), [1.0] + [0.0] * (count - 1))
     borders = make_borders([(i, i + 1) for i in range(count - 1)], np.zeros(count - 1))
-    adopted, own = adopt_planes(fits.planes, fits, borders, PARAMS)
+    adopted, own = adopt_planes(unshared(fits), fits, borders, PARAMS)
     reach = plane_sharing._ADOPTION_PASSES
     assert own.tolist() == [True] + [False] * (count - 1)
-    assert np.all(adopted[:reach + 1] == fits.planes[0])
-    assert np.isnan(adopted[reach + 1:]).all()
+    assert np.all(adopted.index[:reach + 1] == 0)
+    assert np.all(adopted.index[reach + 1:] == -1)
 
 
 def test_few_data_or_few_inliers_are_no_evidence():
     fits = make_fits([MIN_DATA, MIN_DATA - 1, 90, 90], [1.0, 1.0, 0.4, 0.6])
-    adopted, own = adopt_planes(fits.planes, fits, make_borders([], []), PARAMS)
+    adopted, own = adopt_planes(unshared(fits), fits, make_borders([], []), PARAMS)
     assert own.tolist() == [True, False, False, True]
-    assert np.isnan(adopted[1:3]).all()
-    np.testing.assert_array_equal(adopted[[0, 3]], fits.planes[[0, 3]])
+    assert adopted.index.tolist() == [0, -1, -1, 3]
+    planes = adopted.by_segment()
+    assert np.isnan(planes[1:3]).all()
+    np.testing.assert_array_equal(planes[[0, 3]], fits.planes[[0, 3]])
 
 
 def test_a_segment_of_inliers_only_passes_the_strictest_ratio():
     fits = make_fits([90, 90], [1.0, 0.99])
-    own = adopt_planes(fits.planes, fits, make_borders([], []), PlaneParams(min_inlier_ratio=1.0))
+    params = PlaneParams(min_inlier_ratio=1.0)
+    own = adopt_planes(unshared(fits), fits, make_borders([], []), params)
     assert own[1].tolist() == [True, False]
