@@ -35,6 +35,7 @@ from stereo_refine_ros.evaluation.progress import Progress
 from stereo_refine_ros.evaluation.runner import evaluate_scene, measure_stage, Plan, Row
 from stereo_refine_ros.evaluation.tables import (
     format_number, markdown_table, v2_average, V2_REGIONS, V2_SCENES)
+from stereo_refine_ros.memory import keep_freed_memory
 from stereo_refine_ros.params import FILTERS, MATCHERS, PRESETS, PROJECTIONS
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.disparity_errors import bad_percent
@@ -65,6 +66,7 @@ class Entry:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the tables; return 1 where `--check` found a worse map."""
+    keep_freed_memory()
     args = _parser().parse_args(argv)
     names = args.scenes or list_scenes(args.data)
     filters = (args.filter,) if args.filter else ()

@@ -31,6 +31,7 @@ from opencv_methods import match_padded
 from stereo_refine_ros.datasets import list_scenes, load_scene
 from stereo_refine_ros.datasets.scene import Scene
 from stereo_refine_ros.evaluation.tables import format_number, markdown_table
+from stereo_refine_ros.memory import keep_freed_memory
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.disparity_errors import bad_percent
@@ -72,6 +73,7 @@ def _live(scene: Scene, given: FloatMap | None = None, method: str = 'scanline')
 
 def main() -> int:
     """Print the table; return 1 where `--check` found a filter that is as good."""
+    keep_freed_memory()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--data', type=Path, help='folder that holds the scene folders')
     parser.add_argument('--contrib-python', required=True,

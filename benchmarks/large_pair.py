@@ -21,12 +21,14 @@ import resource
 import time
 
 import numpy as np
+from stereo_refine_ros.memory import keep_freed_memory
 from stereo_refine_ros.params import load_preset, PRESETS
 from stereo_refine_ros.pipeline import StereoRefiner
 
 
 def main() -> None:
     """Compile on a corner of the pair, refine the whole, and print what it took."""
+    keep_freed_memory()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--preset', default='live', choices=PRESETS)
     parser.add_argument('--size', default='4096x3072x64', help='width x height x disparities')

@@ -34,6 +34,7 @@ import numpy as np
 from opencv_methods import BASE, plain_methods
 from report import growth_table, method_table, plot, stage_table
 from stereo_refine_ros.matching import MATCHERS
+from stereo_refine_ros.memory import keep_freed_memory
 from stereo_refine_ros.params import load_preset, PRESETS
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.disparity_errors import bad_percent
@@ -144,6 +145,7 @@ def parse() -> argparse.Namespace:
 
 def main() -> None:
     """Measure, print, draw."""
+    keep_freed_memory()
     options = parse()
     rows: list[Row] = []
     for name, width, height, disparities in CASES:

@@ -33,6 +33,7 @@ from stereo_refine_ros.evaluation.runner import as_json, evaluate_scene, Plan, R
 from stereo_refine_ros.evaluation.tables import check_claim, claim_text, text_table
 from stereo_refine_ros.evaluation.video import (
     average, bag_frames, measure_video, sequence_frames, Show, suggested_disparities, write_csv)
+from stereo_refine_ros.memory import keep_freed_memory
 from stereo_refine_ros.params import FILTERS, MATCHERS, PRESETS, PROJECTIONS
 from stereo_refine_ros.types import RefinementResult, StereoPair
 import yaml
@@ -42,6 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run `evaluate`; return 0, or 1 after one line that says what is wrong."""
     argv = sys.argv[1:] if argv is None else list(argv)
     args = _parser().parse_args(argv)
+    keep_freed_memory()
     try:
         plan = Plan(args.preset, dict(args.parameters), args.matching, args.filters,
                     args.projection, args.repeat)

@@ -28,12 +28,10 @@ from stereo_refine_ros.matching import compute_match, OPENCV_MATCHERS
 from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.scanline import gather_evidence
-from stereo_refine_ros.memory import keep_freed_memory
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.refinement.filling import fill_from_background
 from stereo_refine_ros.refinement.filters import apply_filter
-from stereo_refine_ros.refinement.plane_stage import (
-    project_full, project_guarded, put_on_planes, unfitted)
+from stereo_refine_ros.refinement.plane_stage import apply_planes, put_on_planes
 from stereo_refine_ros.refinement.row_binning import (
     bin_disparities, bin_rows, keep_agreeing, repeat_rows, restore_rows, rows_per_bin)
 from stereo_refine_ros.refinement.trust import find_overruled, follows_edges, take_back
@@ -51,16 +49,11 @@ class StereoRefiner:
     params : Params
         From `load_preset`. Build a new refiner to change them.
 
-    Notes
-    -----
-    The first refiner tells the C library to keep freed memory (see `memory`).
-
     """
 
     def __init__(self, params: Params) -> None:
         """Keep the parameters; nothing is computed yet."""
         self.params = params
-        keep_freed_memory()
 
     def process(self, left: Image, right: Image | None, preliminary: FloatMap | None = None,
                 threads: int | None = None) -> RefinementResult:
@@ -103,7 +96,8 @@ class StereoRefiner:
         with _timed(stage_ms, 'planes'):
             match = (replace(found, disparity=self._map(bin_disparities(before, rows)))
                      if is_whole else found)
-            segments, projected = self._project(match, evidence, graph, threads, rows)
+            segments, projected = apply_planes(
+                match, evidence, graph, self.params.planes, threads, rows)
             overruled = (find_overruled(projected, match.disparity.values, rows, len(left))
                          if match.is_trusted else None)
             projected, segments = restore_rows(
@@ -138,15 +132,6 @@ class StereoRefiner:
         if match.evidence is None and is_asked:
             return gather_evidence(pair, self.params.matching, threads)[0]
         return match.evidence
-
-    def _project(self, match: Match, evidence: Evidence | None, graph: SegmentGraph,
-                 threads: int, rows: int) -> tuple[PlaneSegmentation, FloatMap]:
-        planes = self.params.planes
-        if planes.projection == 'off':
-            return unfitted(graph.labels, graph.count), match.disparity.values
-        if planes.projection == 'full':
-            return project_full(match, graph, planes, threads)
-        return project_guarded(match, evidence, graph, planes, threads, rows)
 
     def _at_full_size(self, restored: FloatMap, before: FloatMap | None,
                       segments: PlaneSegmentation) -> FloatMap:

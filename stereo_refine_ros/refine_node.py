@@ -70,9 +70,11 @@ def main(args: list[str] | None = None) -> int:
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
+    from stereo_refine_ros.memory import keep_freed_memory
     from stereo_refine_ros.node.refine_node import RefineNode
     if not stop.may_open():
         return 0
+    keep_freed_memory()
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = RefineNode()
@@ -80,6 +82,7 @@ def main(args: list[str] | None = None) -> int:
         rclpy.logging.get_logger('refine_node').fatal(f'{type(error).__name__}: {error}')
         rclpy.try_shutdown()
         return 1
+    _share_threads_with_opencv(node)
     _spin(node, stop)
     node.stop(_WORKER_S)
     node.destroy_node()
@@ -87,6 +90,17 @@ def main(args: list[str] | None = None) -> int:
     rclpy.try_shutdown()
     _leave()
     return 0
+
+
+def _share_threads_with_opencv(node: Any) -> None:
+    """Give OpenCV, whose threads are the whole process's, as many as the kernels have."""
+    import cv2
+
+    def follow(_: Any = None) -> None:
+        cv2.setNumThreads(node.get_parameter('processing.threads').value)
+
+    follow()
+    node.add_post_set_parameters_callback(follow)
 
 
 def _spin(node: Any, stop: Stop) -> None:

@@ -23,7 +23,6 @@ import threading
 import time
 from typing import Any, Protocol
 
-import cv2
 import numpy as np
 from std_msgs.msg import Header
 
@@ -170,7 +169,6 @@ class FrameProcessor:
         params = _with_range(params, decoded.search_range)
         refiner = self._refiner
         if refiner is None or refiner.params != params:
-            cv2.setNumThreads(params.processing.threads)
             refiner = self._refiner = self._make_refiner(params)
         return refiner.process(
             decoded.pair.left, decoded.pair.right, decoded.preliminary, threads)

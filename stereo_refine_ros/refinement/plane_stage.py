@@ -13,13 +13,18 @@
 # limitations under the License.
 
 """
-The plane stage: fit, share, select and project.
+The plane stage: fit, merge, adopt, select and project; the projection by name.
+
+Every projection is a function `project(match, evidence, graph, params, threads, rows)` that
+returns the segments with their planes, and the map.
 
 `project_guarded` is the heart of the package: from a preliminary disparity with holes to a
 dense one whose every change has evidence in the images.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -56,6 +61,9 @@ _SPECKLE, _SPECKLE_STEP = 60, 2.0
 # by most of what a cost can be (three, in all) where a map is to be trusted.
 _INERTIA, _BLURRED_INERTIA, _TRUSTED_INERTIA = 0.1, 0.4, 2.3
 
+Projection = Callable[[Match, Evidence | None, SegmentGraph, PlaneParams, int, int],
+                      tuple[PlaneSegmentation, FloatMap]]
+
 
 def unfitted(labels: LabelMap, count: int) -> PlaneSegmentation:
     """Segments without planes, for a pipeline that leaves the planes out."""
@@ -63,8 +71,34 @@ def unfitted(labels: LabelMap, count: int) -> PlaneSegmentation:
                              np.zeros(count, np.float32))
 
 
-def project_full(match: Match, graph: SegmentGraph, params: PlaneParams,
-                 threads: int = 1) -> tuple[PlaneSegmentation, FloatMap]:
+def apply_planes(match: Match, evidence: Evidence | None, graph: SegmentGraph,
+                 params: PlaneParams, threads: int = 1, rows: int = 1,
+                 ) -> tuple[PlaneSegmentation, FloatMap]:
+    """
+    Fit planes and project them, by the projection that `params.projection` names.
+
+    Raises
+    ------
+    ValueError
+        For an unknown projection.
+
+    """
+    if params.projection not in PROJECTIONS:
+        raise ValueError(f'planes.projection: {params.projection!r} is none of '
+                         f'{", ".join(PROJECTIONS)}')
+    return PROJECTIONS[params.projection](match, evidence, graph, params, threads, rows)
+
+
+def project_off(match: Match, evidence: Evidence | None, graph: SegmentGraph,
+                params: PlaneParams, threads: int = 1, rows: int = 1,
+                ) -> tuple[PlaneSegmentation, FloatMap]:
+    """Leave the planes out: the segments have none, and the map stays as it came."""
+    return unfitted(graph.labels, graph.count), match.disparity.values
+
+
+def project_full(match: Match, evidence: Evidence | None, graph: SegmentGraph,
+                 params: PlaneParams, threads: int = 1, rows: int = 1,
+                 ) -> tuple[PlaneSegmentation, FloatMap]:
     """
     Give every pixel of a fitted segment its plane, as the paper does (section 2.4).
 
@@ -177,3 +211,10 @@ def _share(fits: PlaneFits, graph: SegmentGraph, evidence: Evidence | None,
 def _range(disparity: DisparityMap) -> tuple[float, float]:
     first = disparity.min_disparity
     return float(first), float(first + disparity.num_disparities - 1)
+
+
+PROJECTIONS: dict[str, Projection] = {
+    'off': project_off,
+    'full': project_full,
+    'guarded': project_guarded,
+}

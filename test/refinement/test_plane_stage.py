@@ -25,8 +25,9 @@ from stereo_refine_ros.graph.segment_graph import find_borders, group_pixels, Se
 from stereo_refine_ros.matching.evidence import TOTAL_UNIT
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.scanline import gather_evidence
-from stereo_refine_ros.params import MatchingParams, PlaneParams
-from stereo_refine_ros.refinement.plane_stage import project_full, project_guarded, unfitted
+from stereo_refine_ros.params import MatchingParams, PlaneParams, PROJECTIONS as NAMES
+from stereo_refine_ros.refinement.plane_stage import (
+    apply_planes, project_full, project_guarded, PROJECTIONS, unfitted)
 from stereo_refine_ros.types import DisparityMap, StereoPair
 
 SHAPE = (18, 30)
@@ -86,7 +87,7 @@ def test_full_projection_replaces_fitted_segments_and_leaves_the_others():
     values[4, 25] = np.nan
     before = values.copy()
     segments, projected = project_full(
-        match_of(values), describe(image, labels), PlaneParams())
+        match_of(values), None, describe(image, labels), PlaneParams())
     assert segments.is_fitted.tolist() == [True, True, False]
     assert np.isnan(segments.planes[2]).all() and segments.inlier_ratio[2] < 0.5
     for label in range(2):
@@ -104,7 +105,7 @@ def test_full_projection_fits_the_subpixel_data_where_there_are_some():
     image, labels, planes = blocks()
     subpixel = render(labels, planes)
     match = match_of(np.rint(subpixel) + 2, subpixel)
-    _, projected = project_full(match, describe(image, labels), PlaneParams())
+    _, projected = project_full(match, None, describe(image, labels), PlaneParams())
     assert np.abs(projected - subpixel).max() < 0.2
 
 
@@ -112,7 +113,7 @@ def test_full_projection_fits_the_subpixel_data_where_there_are_some():
 def test_planes_are_limited_to_the_range(first, count):
     image, labels, planes = blocks()
     _, projected = project_full(
-        match_of(render(labels, planes), first=first, count=count), describe(image, labels),
+        match_of(render(labels, planes), first=first, count=count), None, describe(image, labels),
         PlaneParams())
     assert projected.min() >= first and projected.max() <= first + count - 1
 
@@ -121,7 +122,7 @@ def test_no_data_no_plane_even_where_any_ratio_will_do():
     image, labels, _ = blocks()
     holes = np.full(SHAPE, np.nan, np.float32)
     segments, projected = project_full(
-        match_of(holes), describe(image, labels), PlaneParams(min_inlier_ratio=0.0))
+        match_of(holes), None, describe(image, labels), PlaneParams(min_inlier_ratio=0.0))
     assert not segments.is_fitted.any()
     assert np.isnan(projected).all()
 
@@ -267,3 +268,14 @@ def test_threads_do_not_change_a_bit(threads):
     segments_again, again = project_guarded(*args, threads)
     np.testing.assert_array_equal(again, projected)
     np.testing.assert_array_equal(segments_again.planes, segments.planes)
+
+
+def test_every_projection_that_can_be_asked_for_is_there():
+    assert sorted(PROJECTIONS) == sorted(NAMES)
+    image, labels, planes = blocks()
+    match = match_of(render(labels, planes))
+    segments, values = apply_planes(
+        match, None, describe(image, labels), PlaneParams(projection='off'))
+    assert values is match.disparity.values and not segments.is_fitted.any()
+    with pytest.raises(ValueError, match="'magic' is none of off, full, guarded"):
+        apply_planes(match, None, describe(image, labels), PlaneParams(projection='magic'))
