@@ -26,10 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_refine_ros.graph.trees import similarity_table
+from stereo_refine_ros.graph.tuning import FADE
 from stereo_refine_ros.types import FloatMap
-
-# What is left of a vote after one step over a flat image.
-_FADE = 0.9
 
 
 def sweep(values: FloatMap, weights: NDArray[np.uint8], sigma: float) -> FloatMap:
@@ -46,7 +44,7 @@ def sweep(values: FloatMap, weights: NDArray[np.uint8], sigma: float) -> FloatMa
         Colour change that a vote survives, in units of 255.
 
     """
-    table = similarity_table(sigma) * np.float32(_FADE)
+    table = similarity_table(sigma) * np.float32(FADE)
     sums = np.empty_like(values)
     _row_kernel(values, weights, table, sums)
     return _column_kernel(sums, weights, table)

@@ -30,14 +30,11 @@ from numpy.typing import NDArray
 
 from stereo_refine_ros.graph.disjoint_set import find, make_sets, union
 from stereo_refine_ros.graph.pixel_graph import sort_edges
+from stereo_refine_ros.graph.tuning import LARGE_SEGMENT, LINK_PENALTY, SEGMENT_SCALE
 from stereo_refine_ros.types import FloatMap
 
 IndexArray = NDArray[np.int32]
 Weights = NDArray[np.uint8]
-
-SEGMENT_SCALE = 1200.0
-LARGE_SEGMENT = 50
-LINK_PENALTY = 5
 
 
 @dataclass(frozen=True, eq=False)

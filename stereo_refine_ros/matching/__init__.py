@@ -28,6 +28,7 @@ from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.opencv_matchers import match_bm, match_sgbm
 from stereo_refine_ros.matching.scanline import match_scanline
 from stereo_refine_ros.matching.tree_matchers import match_non_local, match_segment_tree
+from stereo_refine_ros.matching.tuning import BYTES_PER_CELL
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.types import StereoPair
 
@@ -43,7 +44,6 @@ MATCHERS: dict[str, Matcher] = {
 
 # Quick enough for whole images, and without a cost volume of their own.
 OPENCV_MATCHERS = ('sgbm', 'bm')
-_BYTES_PER_CELL = 8  # of the cost volume; at the peak 5.7 were measured (benchmarks/large_pair.py)
 
 
 def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
@@ -69,7 +69,7 @@ def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1) ->
 def _check_memory(pair: StereoPair, params: MatchingParams) -> None:
     height, width = pair.shape
     pixels = height * width
-    needed = pixels * params.num_disparities * _BYTES_PER_CELL
+    needed = pixels * params.num_disparities * BYTES_PER_CELL
     memory = os.sysconf('SC_PHYS_PAGES') * os.sysconf('SC_PAGE_SIZE')
     if needed > memory:
         raise ValueError(

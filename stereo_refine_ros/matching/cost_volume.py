@@ -21,11 +21,8 @@ from numba import njit
 import numpy as np
 
 from stereo_refine_ros.images import gradient_x, to_grey
+from stereo_refine_ros.matching.tuning import COLOR_LIMIT, COLOR_WEIGHT, GRADIENT_LIMIT
 from stereo_refine_ros.types import FloatMap, Image
-
-COLOR_WEIGHT = 0.11
-COLOR_LIMIT = 7.0
-GRADIENT_LIMIT = 2.0
 
 
 def truncated_cost(base: Image, other: Image, min_disparity: int, num_disparities: int,

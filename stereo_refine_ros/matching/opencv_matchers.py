@@ -23,34 +23,29 @@ import numpy as np
 
 from stereo_refine_ros.images import pad, to_grey
 from stereo_refine_ros.matching.match import Match
+from stereo_refine_ros.matching.tuning import BM_BLOCK, OPENCV_CHECKS, SGBM_BLOCK, SGBM_PREFILTER
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.types import DisparityMap, FloatMap, StereoPair
-
-_SGBM_BLOCK = 3
-_SGBM_PREFILTER = 15
-_BM_BLOCK = 15
-# Both matchers drop what their own left-right check (1 px), uniqueness and speckle tests refuse.
-_CHECKS = {'disp12MaxDiff': 1, 'uniquenessRatio': 10, 'speckleWindowSize': 100, 'speckleRange': 2}
 
 
 def match_sgbm(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
     """Match with OpenCV's three-way semi-global matcher; OpenCV keeps its own threads."""
-    values_per_block = _SGBM_BLOCK ** 2 * pair.left[0, 0].size
+    values_per_block = SGBM_BLOCK ** 2 * pair.left[0, 0].size
     matcher = cv2.StereoSGBM_create(
         minDisparity=params.min_disparity, numDisparities=_rounded(params),
-        blockSize=_SGBM_BLOCK, P1=8 * values_per_block, P2=32 * values_per_block,
-        preFilterCap=_SGBM_PREFILTER, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY, **_CHECKS)
+        blockSize=SGBM_BLOCK, P1=8 * values_per_block, P2=32 * values_per_block,
+        preFilterCap=SGBM_PREFILTER, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY, **OPENCV_CHECKS)
     return _match(matcher, pair.left, pair.right, params)
 
 
 def match_bm(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
     """Match with OpenCV's block matcher on grey images; OpenCV keeps its own threads."""
-    matcher = cv2.StereoBM_create(_rounded(params), _BM_BLOCK)
+    matcher = cv2.StereoBM_create(_rounded(params), BM_BLOCK)
     matcher.setMinDisparity(params.min_disparity)
-    matcher.setDisp12MaxDiff(_CHECKS['disp12MaxDiff'])
-    matcher.setUniquenessRatio(_CHECKS['uniquenessRatio'])
-    matcher.setSpeckleWindowSize(_CHECKS['speckleWindowSize'])
-    matcher.setSpeckleRange(_CHECKS['speckleRange'])
+    matcher.setDisp12MaxDiff(OPENCV_CHECKS['disp12MaxDiff'])
+    matcher.setUniquenessRatio(OPENCV_CHECKS['uniquenessRatio'])
+    matcher.setSpeckleWindowSize(OPENCV_CHECKS['speckleWindowSize'])
+    matcher.setSpeckleRange(OPENCV_CHECKS['speckleRange'])
     assert pair.right is not None
     return _match(matcher, to_grey(pair.left), to_grey(pair.right), params)
 
@@ -67,7 +62,7 @@ def _match(matcher: Any, left: Any, right: Any, params: MatchingParams) -> Match
     OpenCV gives nothing where a pixel's whole range is not in view, nor within half a block of
     the border; so both images grow by as much.
     """
-    margin = _BM_BLOCK
+    margin = BM_BLOCK
     before = margin + max(0, params.min_disparity + _rounded(params))
     after = margin + max(0, -params.min_disparity)
     left, right = (pad(image, (margin, margin), (before, after)) for image in (left, right))

@@ -29,12 +29,11 @@ from stereo_refine_ros.matching.cost_volume import truncated_cost
 from stereo_refine_ros.matching.disparity_selection import select_winners, subpixel_offsets
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.tree_filter import spread_over_tree
+from stereo_refine_ros.matching.tuning import TREE_MEDIAN, TREE_SIGMA
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.threads import start
 from stereo_refine_ros.types import DisparityMap, FloatMap, Image, StereoPair
 
-TREE_SIGMA = 0.1
-_MEDIAN = 5
 
 TreeBuilder = Callable[[Weights], PixelTree]
 
@@ -82,7 +81,7 @@ def _match_on_tree(pair: StereoPair, params: MatchingParams, build: TreeBuilder,
         refined = spread_over_tree(
             np.where(stable, left.winners, np.float32(np.nan)), colour_tree, params.min_disparity,
             params.num_disparities, TREE_SIGMA / 2, threads=threads)
-        values = cv2.medianBlur(refined, _MEDIAN)
+        values = cv2.medianBlur(refined, TREE_MEDIAN)
     disparity = DisparityMap(values, params.min_disparity, params.num_disparities)
     return Match(disparity, subpixel=subpixel)
 
@@ -105,7 +104,7 @@ def _aggregate_view(base: Image, other: Image, is_left: bool, guide: FloatMap | 
     volume = truncated_cost(base, other, params.min_disparity, params.num_disparities, is_left)
     aggregate(volume, tree, TREE_SIGMA)
     winners = (select_winners(volume) + params.min_disparity).astype(np.float32)
-    return _View(volume, tree, cv2.medianBlur(winners, _MEDIAN))
+    return _View(volume, tree, cv2.medianBlur(winners, TREE_MEDIAN))
 
 
 def _mix(colour: Weights, disparity: FloatMap, num_disparities: int) -> Weights:

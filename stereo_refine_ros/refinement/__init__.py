@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Step 4: segmentation, planes, projection, filters, consistency."""
+"""Step 4: planes, their projection, filling, filters."""

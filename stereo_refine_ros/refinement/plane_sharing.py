@@ -30,12 +30,8 @@ from numpy.typing import NDArray
 from stereo_refine_ros.graph.disjoint_set import find, make_sets, union
 from stereo_refine_ros.graph.segment_graph import Borders
 from stereo_refine_ros.params import PlaneParams
-from stereo_refine_ros.refinement.planes import (
-    MIN_DATA, plane_of_moments, PlaneFits, residual_variance)
-
-# How much the residual variance of either part may rise, px^2, for two segments to be one plane.
-_MERGE_RISE = 0.15
-_ADOPTION_PASSES = 20
+from stereo_refine_ros.refinement.planes import plane_of_moments, PlaneFits, residual_variance
+from stereo_refine_ros.refinement.tuning import ADOPTION_PASSES, MERGE_RISE, MIN_DATA
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,13 +122,13 @@ def _merge_kernel(pairs, trusted, moments, planes, parent, size, roots):
 @njit(cache=True, nogil=True)
 def _rises(sums, old, new):
     before = residual_variance(sums, (old[0], old[1], old[2]))
-    return residual_variance(sums, new) - before > _MERGE_RISE
+    return residual_variance(sums, new) - before > MERGE_RISE
 
 
 @njit(cache=True, nogil=True)
 def _adopt_kernel(pairs, unlikeness, index):
     count = index.shape[0]
-    for _ in range(_ADOPTION_PASSES):
+    for _ in range(ADOPTION_PASSES):
         least = np.full(count, np.inf)
         giver = np.full(count, -1, np.int64)
         for i in range(pairs.shape[0]):

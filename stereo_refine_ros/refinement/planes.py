@@ -24,21 +24,10 @@ from numpy.typing import NDArray
 
 from stereo_refine_ros.graph.segment_graph import PixelLists
 from stereo_refine_ros.params import PlaneParams
+from stereo_refine_ros.refinement.tuning import (
+    EXTRAPOLATION, FRONTO_PARALLEL, MAX_SLOPE_X, MAX_SLOPE_Y, REFITS, RIDGE, SCORED_POINTS)
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap
-
-# Fewer data than this say nothing about a slanted plane.
-MIN_DATA = 30
-# Points that hypotheses are scored on; more do not change which one wins.
-_SCORED = 200
-# The first hypotheses are fronto-parallel: on narrow segments a slant is noise.
-_FRONTO_PARALLEL = 5
-_MAX_SLOPE_X, _MAX_SLOPE_Y = 0.7, 1.5
-_REFITS = 3
-# How far beyond the disparities of its inliers a plane is believed, pixels.
-_EXTRAPOLATION = 3.0
-# Pulls the slope of small segments to zero; weighed against n times the variance of x and y.
-_RIDGE = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +89,7 @@ def _fit_kernel(start, stop, pixels, starts, data, iterations, threshold, seed,
         if found < 3:
             continue
         plane = _best_hypothesis(points, iterations, threshold, np.uint64(seed) + label)
-        for _ in range(_REFITS):
+        for _ in range(REFITS):
             sums = _inlier_moments(points, plane, threshold)
             if sums[0] < 3:
                 break
@@ -147,9 +136,9 @@ def _draw(state, count):
 
 @njit(cache=True, nogil=True)
 def _sample(points):
-    """Return x, y and d of one point out of every n, at most _SCORED in all."""
+    """Return x, y and d of one point out of every n, at most SCORED_POINTS in all."""
     total = points.shape[1]
-    step = -(-total // _SCORED)
+    step = -(-total // SCORED_POINTS)
     sample = np.empty((3, -(-total // step)), np.float32)
     for i in range(sample.shape[1]):
         # Always the first of n would be one column of the image where n is a segment's width;
@@ -170,7 +159,7 @@ def _best_hypothesis(points, iterations, threshold, seed):
     for trial in range(iterations):
         state, i = _draw(state, count)
         a, b = np.float32(0), np.float32(0)
-        if trial >= _FRONTO_PARALLEL:
+        if trial >= FRONTO_PARALLEL:
             state, j = _draw(state, count)
             state, k = _draw(state, count)
             ux, uy, ud = xs[j] - xs[i], ys[j] - ys[i], ds[j] - ds[i]
@@ -180,7 +169,7 @@ def _best_hypothesis(points, iterations, threshold, seed):
                 continue
             a = np.float32((ud * vy - uy * vd) / area)
             b = np.float32((ux * vd - ud * vx) / area)
-            if abs(a) > _MAX_SLOPE_X or abs(b) > _MAX_SLOPE_Y:
+            if abs(a) > MAX_SLOPE_X or abs(b) > MAX_SLOPE_Y:
                 continue
         c = np.float32(ds[i] - a * xs[i] - b * ys[i])
         score = _msac_score(xs, ys, ds, a, b, c, threshold * threshold)
@@ -241,14 +230,14 @@ def plane_of_moments(sums):
     """Least-squares plane (a, b, c) of the points behind the sums, its slope held by a ridge."""
     n = sums[0]
     x, y, d = sums[1] / n, sums[2] / n, sums[3] / n
-    xx = sums[4] / n - x * x + _RIDGE / n
-    yy = sums[6] / n - y * y + _RIDGE / n
+    xx = sums[4] / n - x * x + RIDGE / n
+    yy = sums[6] / n - y * y + RIDGE / n
     xy = sums[5] / n - x * y
     xd = sums[7] / n - x * d
     yd = sums[8] / n - y * d
     area = xx * yy - xy * xy
-    a = min(max((xd * yy - yd * xy) / area, -_MAX_SLOPE_X), _MAX_SLOPE_X)
-    b = min(max((yd * xx - xd * xy) / area, -_MAX_SLOPE_Y), _MAX_SLOPE_Y)
+    a = min(max((xd * yy - yd * xy) / area, -MAX_SLOPE_X), MAX_SLOPE_X)
+    b = min(max((yd * xx - xd * xy) / area, -MAX_SLOPE_Y), MAX_SLOPE_Y)
     return a, b, d - a * x - b * y
 
 
@@ -272,4 +261,4 @@ def bounded_disparity(plane, x, y):
     must not run away at the border of the view.
     """
     d = plane[0] * x + plane[1] * y + plane[2]
-    return min(max(d, plane[3] - _EXTRAPOLATION), plane[4] + _EXTRAPOLATION)
+    return min(max(d, plane[3] - EXTRAPOLATION), plane[4] + EXTRAPOLATION)

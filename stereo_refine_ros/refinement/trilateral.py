@@ -19,12 +19,12 @@ from __future__ import annotations
 from numba import njit
 import numpy as np
 
+from stereo_refine_ros.refinement.tuning import TRILATERAL_REACH
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, Image
 
 # Weights are tables: of the sum of channel differences, and of disparity in 1/64 sigma.
 _BINS = 64
-_REACH = 4.0
 
 
 def trilateral(values: FloatMap, guide: Image, radius: int,
@@ -57,7 +57,7 @@ def trilateral(values: FloatMap, guide: Image, radius: int,
     color = _gaussian(np.arange(255 * count + 1) / count, sigma_color)
     line = np.arange(-radius, radius + 1)
     space = _gaussian(np.hypot(line[:, None], line[None, :]), sigma_space)
-    steps = int(_REACH * _BINS)
+    steps = int(TRILATERAL_REACH * _BINS)
     disparity = _gaussian(np.arange(steps + 1) / _BINS, 1.0)
     disparity[-1] = 0
     filtered = np.empty_like(values)

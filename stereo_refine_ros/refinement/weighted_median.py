@@ -27,14 +27,13 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.refinement.tuning import MEDIAN_SAMPLES, MEDIAN_STEP
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, Image
 
 # Weights are squares shifted right: (181 ** 2) >> 7 = 255, and 121 of them fit into an int16.
 _TOP = 181
-_MAX_SAMPLES = 11
 _STRIP = 128
-_STEP = 1.0 / 16.0
 # The guide value of a hole: too far from any other (at most 255 * 18) to weigh anything.
 _HOLE = 20000
 _MAX_SCALE = 18.0
@@ -76,7 +75,7 @@ def weighted_median(values: FloatMap, guide: Image, radius: int, sigma_color: fl
     if not valid.any():
         return filtered
     low, high = float(values[valid].min()), float(values[valid].max())
-    step = max(_STEP, (high - low) / 32000.0)
+    step = max(MEDIAN_STEP, (high - low) / 32000.0)
     # Whole disparities are on the grid of steps, and stay whole.
     low = math.floor(low / step) * step
     levels = np.where(valid, np.rint((values - low) / step), -1).astype(np.int16)
@@ -89,7 +88,7 @@ def weighted_median(values: FloatMap, guide: Image, radius: int, sigma_color: fl
 
 def _taps(radius: int, sigma_space: float) -> tuple[NDArray[np.int64], NDArray[np.int16]]:
     """Return the sampled offsets (T, 2) of the window, from 0, and their weights 0..128."""
-    stride = -(-(2 * radius + 1) // _MAX_SAMPLES)
+    stride = -(-(2 * radius + 1) // MEDIAN_SAMPLES)
     reach = radius // stride * stride
     line = np.arange(-reach, reach + 1, stride)
     offsets = np.stack(np.meshgrid(line, line, indexing='ij'), axis=-1).reshape(-1, 2)

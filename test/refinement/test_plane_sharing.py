@@ -21,9 +21,9 @@ import pytest
 from stereo_refine_ros.graph.segment_graph import Borders, find_borders, group_pixels
 from stereo_refine_ros.graph.segmentation import segment_image
 from stereo_refine_ros.params import PlaneParams, SegmentationParams
-from stereo_refine_ros.refinement import plane_sharing
 from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar, SharedPlanes
-from stereo_refine_ros.refinement.planes import fit_planes, MIN_DATA, PlaneFits
+from stereo_refine_ros.refinement.planes import fit_planes, PlaneFits
+from stereo_refine_ros.refinement.tuning import ADOPTION_PASSES, MERGE_RISE, MIN_DATA
 
 PARAMS = PlaneParams()
 
@@ -89,7 +89,7 @@ def test_merging_by_moments_is_a_refit_of_the_united_points(seed):
     order = np.argsort(borders.color_distance, kind='stable')
     expected = plane_reference.merge(
         points, fits.planes[:, :3], trusted, borders.pairs[order].tolist(),
-        plane_sharing._MERGE_RISE)
+        MERGE_RISE)
     np.testing.assert_allclose(merged[:, :3], expected, rtol=1e-6, atol=1e-6)
     np.testing.assert_array_equal(shared.index < 0, np.isnan(fits.planes[:, 0]))
     for number, plane in enumerate(shared.coefficients):
@@ -132,7 +132,7 @@ def test_planes_are_adopted_from_the_least_unlike_neighbour(seed):
     unlikeness = borders.color_distance - 2 * np.log(borders.length)
     np.testing.assert_array_equal(found_own, own)
     np.testing.assert_array_equal(adopted.by_segment(), plane_reference.adopt(
-        fits.planes, own, borders.pairs, unlikeness, plane_sharing._ADOPTION_PASSES))
+        fits.planes, own, borders.pairs, unlikeness, ADOPTION_PASSES))
 
 
 def test_adoption_goes_on_from_neighbour_to_neighbour_a_limited_way():
@@ -140,7 +140,7 @@ def test_adoption_goes_on_from_neighbour_to_neighbour_a_limited_way():
     fits = make_fits([50] + [0] * (count - 1), [1.0] + [0.0] * (count - 1))
     borders = make_borders([(i, i + 1) for i in range(count - 1)], np.zeros(count - 1))
     adopted, own = adopt_planes(unshared(fits), fits, borders, PARAMS)
-    reach = plane_sharing._ADOPTION_PASSES
+    reach = ADOPTION_PASSES
     assert own.tolist() == [True] + [False] * (count - 1)
     assert np.all(adopted.index[:reach + 1] == 0)
     assert np.all(adopted.index[reach + 1:] == -1)

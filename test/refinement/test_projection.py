@@ -18,12 +18,12 @@ import numpy as np
 import plane_reference
 import pytest
 
-from stereo_refine_ros.graph import support
 from stereo_refine_ros.graph.pixel_graph import edge_weights
 from stereo_refine_ros.graph.support import sweep
+from stereo_refine_ros.graph.tuning import FADE
 from stereo_refine_ros.matching.scanline import gather_evidence
 from stereo_refine_ros.params import MatchingParams
-from stereo_refine_ros.refinement import planes, projection
+from stereo_refine_ros.refinement import projection, tuning
 from stereo_refine_ros.refinement.projection import choose_candidates, plane_disparities
 from stereo_refine_ros.types import StereoPair
 
@@ -66,7 +66,7 @@ def test_planes_end_a_little_beyond_where_they_were_seen():
     labels = np.zeros((1, 30), np.int32)
     plane = np.array([[0.5, 0.0, 2.0, 5.0, 9.0]])
     values = plane_disparities(labels, plane, 0.0, 100.0)
-    reach = planes._EXTRAPOLATION
+    reach = tuning.EXTRAPOLATION
     expected = np.clip(0.5 * np.arange(30) + 2, 5 - reach, 9 + reach)
     np.testing.assert_allclose(values[0], expected, rtol=1e-6)
     assert values.max() == 9 + reach < 0.5 * 29 + 2
@@ -152,7 +152,7 @@ def test_sweeps_sum_along_rows_and_then_along_columns(shape):
     rng = np.random.default_rng(5)
     weights = edge_weights(rng.integers(0, 12, shape, dtype=np.uint8))
     values = rng.normal(0, 1, shape).astype(np.float32)
-    step = support._FADE * np.exp(weights / (-255 * 0.02))
+    step = FADE * np.exp(weights / (-255 * 0.02))
     rows, sums = np.zeros(shape), np.zeros(shape)
     for y, x in np.ndindex(shape):
         rows[y, x] = sum(values[y, u] * step[y, min(x, u):max(x, u), 0].prod()

@@ -25,7 +25,7 @@ from stereo_refine_ros.refinement.spreading import spread_disparities
 
 def supports(values, weights, min_disparity, count, monkeypatch):
     """Sweep the votes of one disparity after the other, as whole maps."""
-    monkeypatch.setattr('stereo_refine_ros.graph.support._FADE', spreading._FADE)
+    monkeypatch.setattr('stereo_refine_ros.graph.support.FADE', spreading._FADE)
     maps = []
     for d in range(min_disparity, min_disparity + count):
         votes = np.maximum(spreading._REACH - np.abs(d - np.rint(values)), 0)
