@@ -146,3 +146,17 @@ def test_kernels_are_cached_and_keep_nan(path: Path):
         decorator = ' '.join(map(ast.unparse, function.decorator_list))
         assert 'cache=True' in decorator, function.name
         assert not re.search(r'fastmath=(True|{[^}]*(fast|nnan|ninf))', decorator), function.name
+
+
+# What stands further left knows nothing of what stands further right.
+STOREYS = ('images', 'graph', 'matching', 'refinement', 'quality', 'pipeline', 'evaluation')
+
+
+@pytest.mark.parametrize('path', CORE, ids=_name)
+def test_no_import_runs_up(path: Path):
+    storey = path.relative_to(PACKAGE).parts[0].removesuffix('.py')
+    if storey in STOREYS:
+        above = STOREYS[STOREYS.index(storey) + 1:]
+        packages = {name.split('.')[1] for name in _imports(path)
+                    if name.startswith('stereo_refine_ros.')}
+        assert packages.isdisjoint(above), packages
