@@ -94,8 +94,9 @@ def sort_edges(weights: NDArray[np.uint8], codes: IndexArray | None = None) -> I
     """
     if codes is None:
         height, width, directions = weights.shape
-        codes = np.empty(count_edges(height, width, directions), np.int32)
-        _list_kernel(height, width, _STEPS[:directions], codes)
+        order = np.empty(count_edges(height, width, directions), np.int32)
+        _sort_all_kernel(weights, _STEPS[:directions], order)
+        return order
     return _sort_kernel(weights.reshape(-1), codes)
 
 
@@ -106,19 +107,29 @@ def count_edges(height: int, width: int, directions: int = 2) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _is_inside(y: int, x: int, height: int, width: int) -> bool:
-    return 0 <= x < width and y < height
+def _columns(step_right: int, width: int) -> tuple[int, int]:
+    """Return the first column whose neighbour is inside, and the one after the last."""
+    return max(0, -step_right), width - max(0, step_right)
 
 
 @njit(cache=True, nogil=True)
-def _list_kernel(height, width, steps, codes):
-    count = 0
-    for k in range(steps.shape[0]):
-        for y in range(height):
-            for x in range(width):
-                if _is_inside(y + steps[k, 0], x + steps[k, 1], height, width):
-                    codes[count] = (y * width + x) * steps.shape[0] + k
-                    count += 1
+def _sort_all_kernel(weights, steps, order):
+    height, width, directions = weights.shape
+    starts = np.zeros(257, np.int64)
+    for k in range(directions):
+        first, stop = _columns(steps[k, 1], width)
+        for y in range(height - steps[k, 0]):
+            for x in range(first, stop):
+                starts[np.int64(weights[y, x, k]) + 1] += 1
+    for value in range(256):
+        starts[value + 1] += starts[value]
+    for k in range(directions):
+        first, stop = _columns(steps[k, 1], width)
+        for y in range(height - steps[k, 0]):
+            for x in range(first, stop):
+                weight = np.int64(weights[y, x, k])
+                order[starts[weight]] = (y * width + x) * directions + k
+                starts[weight] += 1
 
 
 @njit(cache=True, nogil=True)
