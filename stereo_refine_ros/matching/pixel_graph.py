@@ -22,7 +22,9 @@ and K = 2 directions (right, down) for 4 neighbours or K = 4 (also down-right, d
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import reduce
+from typing import Any
 
 import cv2
 from numba import njit
@@ -70,14 +72,9 @@ def edge_weights(image: Image, directions: int = 2) -> NDArray[np.uint8]:
     """
     require_image('image', image)
     _require_directions(directions)
-    height, width = image.shape[:2]
-    weights = np.zeros((height, width, directions), np.uint8)
-    for k, (down, right) in enumerate(_STEPS[:directions].tolist()):
-        if height > down and width > abs(right):
-            left, stop = max(0, -right), width - max(0, right)
-            change = cv2.absdiff(
-                image[:height - down, left:stop], image[down:, left + right:stop + right])
-            weights[:height - down, left:stop, k] = reduce(cv2.max, cv2.split(change))
+    weights = np.zeros((*image.shape[:2], directions), np.uint8)
+    for place, change in _changes(image, directions):
+        weights[place] = change
     return weights
 
 
@@ -107,24 +104,39 @@ def relative_edge_weights(image: Image, sigma: float,
     """
     require_image('image', image)
     _require_directions(directions)
-    height, width = image.shape[:2]
-    tones, rounding = _tones(image)
-    if sigma > 0:
-        tones = cv2.GaussianBlur(tones, (0, 0), sigma)
-    tones = tones.reshape(height, width, -1)
-    unit = max(_mean_change_kernel(tones, _ROWS_APART), rounding)
-    weights = np.zeros((height, width, directions), np.uint8)
-    _weigh_kernel(tones, _STEPS[:directions], np.float32(_MEAN_WEIGHT / unit), weights)
+    tones, rounding = _tones(image, sigma)
+    changes = list(_changes(tones, directions))
+    seen = [change[::_ROWS_APART] for _, change in changes[:2]]
+    edges = sum(change.size for change in seen)
+    mean = sum(int(change.sum(dtype=np.int64)) for change in seen) / max(edges, 1)
+    weights = np.zeros((*image.shape[:2], directions), np.uint8)
+    for place, change in changes:
+        weights[place] = cv2.convertScaleAbs(change, alpha=_MEAN_WEIGHT / max(mean, rounding))
     return weights
 
 
-def _tones(image: Image) -> tuple[NDArray[np.uint16], float]:
-    """Return log(brightness) in 16 bits, and what rounding of the image changes in it."""
+def _tones(image: Image, sigma: float) -> tuple[NDArray[np.uint16], float]:
+    """Return log(brightness) in 16 bits, blurred, and what rounding of the image changes in it."""
     mean = max(float(np.mean(cv2.mean(image)[:image[0, 0].size])), 1.0)
     dark = _DARK_SHARE * mean
     scale = 65535 / np.log1p(255 / dark)
-    curve = np.rint(scale * np.log1p(np.arange(256) / dark)).astype(np.uint16)
-    return cv2.LUT(image, curve), float(_ROUNDING * scale / (mean + dark))
+    tones = cv2.LUT(image, np.rint(scale * np.log1p(np.arange(256) / dark)).astype(np.float32))
+    if sigma > 0:  # in floats: OpenCV is several times faster with them than with 16 bits
+        tones = cv2.GaussianBlur(tones, (0, 0), sigma)
+    return np.asarray(tones, np.uint16), float(_ROUNDING * scale / (mean + dark))
+
+
+def _changes(image: NDArray[Any], directions: int
+             ) -> Iterator[tuple[tuple[slice, slice, int], NDArray[Any]]]:
+    """Yield for each direction the largest change of a channel, and its place among weights."""
+    height, width = image.shape[:2]
+    for k, (down, right) in enumerate(_STEPS[:directions].tolist()):
+        if height > down and width > abs(right):
+            left, stop = max(0, -right), width - max(0, right)
+            change = cv2.absdiff(
+                image[:height - down, left:stop], image[down:, left + right:stop + right])
+            yield ((slice(0, height - down), slice(left, stop), k),
+                   reduce(cv2.max, cv2.split(change)))
 
 
 def sort_edges(weights: NDArray[np.uint8], codes: IndexArray | None = None) -> IndexArray:
@@ -170,43 +182,6 @@ def count_edges(height: int, width: int, directions: int = 2) -> int:
 def _columns(step_right: int, width: int) -> tuple[int, int]:
     """Return the first column whose neighbour is inside, and the one after the last."""
     return max(0, -step_right), width - max(0, step_right)
-
-
-@njit(cache=True, nogil=True)
-def _mean_change_kernel(tones, rows_apart):
-    """Mean over the edges right and down from every so manieth row."""
-    height, width, channels = tones.shape
-    total, edges = np.int64(0), 0
-    for y in range(0, height, rows_apart):
-        for x in range(width - 1):
-            total += _change(tones, y, x, y, x + 1)
-        edges += width - 1
-        if y + 1 < height:
-            for x in range(width):
-                total += _change(tones, y, x, y + 1, x)
-            edges += width
-    return total / max(edges, 1)
-
-
-@njit(cache=True, nogil=True)
-def _weigh_kernel(tones, steps, scale, weights):
-    height, width, _ = tones.shape
-    for k in range(steps.shape[0]):
-        down, right = steps[k]
-        first, stop = _columns(right, width)
-        for y in range(height - down):
-            for x in range(first, stop):
-                weight = _change(tones, y, x, y + down, x + right) * scale
-                weights[y, x, k] = np.uint8(min(weight + np.float32(0.5), np.float32(255)))
-
-
-@njit(cache=True, nogil=True)
-def _change(tones, y, x, v, u):
-    """Largest difference of a channel between two pixels."""
-    largest = np.int32(0)
-    for c in range(tones.shape[2]):
-        largest = max(largest, abs(np.int32(tones[y, x, c]) - np.int32(tones[v, u, c])))
-    return largest
 
 
 @njit(cache=True, nogil=True)
