@@ -74,10 +74,13 @@ class MatchingParams:
 class SegmentationParams:
     """Step 4a: graph segmentation of the left image (Felzenszwalb & Huttenlocher 2004)."""
 
-    k: float = _number(100.0, 0.0, 1e6, '-', 'scale of observation: larger k, larger segments')
+    k: float = _number(200.0, 0.0, 1e6, '-', 'scale of observation: larger k, larger segments')
     sigma: float = _number(0.5, 0.0, 10.0, 'px', 'Gaussian blur before segmentation, 0 for none')
     min_size: int = _integer(30, 1, 1000000, 'px', 'smaller segments join their best neighbour')
     diagonal: bool = _flag(False, 'join diagonal neighbours too: 8 instead of 4')
+    adapt: bool = _flag(
+        True, 'measure changes of colour against the mean change in the image, so that one k '
+        'serves grey and colour, dark and bright, haze and contrast; false: in grey levels')
 
 
 @dataclass(frozen=True)

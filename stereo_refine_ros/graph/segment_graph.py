@@ -184,29 +184,37 @@ def _border_kernel(labels, count):
 @njit(cache=True, nogil=True)
 def _edges_by_lower_label(labels, count):
     """Codes 2 * pixel + direction (0 right, 1 down) of all border edges, counting-sorted."""
-    height, width = labels.shape
+    codes, lower, found = _border_edges(labels)
     starts = np.zeros(count + 1, np.int32)
-    for y in range(height):
-        for x in range(width):
-            here = labels[y, x]
-            if x + 1 < width and labels[y, x + 1] != here:
-                starts[min(here, labels[y, x + 1]) + 1] += 1
-            if y + 1 < height and labels[y + 1, x] != here:
-                starts[min(here, labels[y + 1, x]) + 1] += 1
+    for i in range(found):
+        starts[lower[i] + 1] += 1
     for i in range(count):
         starts[i + 1] += starts[i]
     cursor = starts.copy()
-    edges = np.empty(starts[count], np.int32)
+    edges = np.empty(found, np.int32)
+    for i in range(found):
+        edges[cursor[lower[i]]] = codes[i]
+        cursor[lower[i]] += 1
+    return edges, starts
+
+
+@njit(cache=True, nogil=True)
+def _border_edges(labels):
+    """Codes of the border edges and their lower labels in raster order; how many there are."""
+    height, width = labels.shape
+    codes, lower = np.empty(2 * labels.size, np.int32), np.empty(2 * labels.size, np.int32)
+    found = 0
     for y in range(height):
+        last_row = y + 1 == height
         for x in range(width):
             here = labels[y, x]
-            code = 2 * (y * width + x)
-            if x + 1 < width and labels[y, x + 1] != here:
-                low = min(here, labels[y, x + 1])
-                edges[cursor[low]] = code
-                cursor[low] += 1
-            if y + 1 < height and labels[y + 1, x] != here:
-                low = min(here, labels[y + 1, x])
-                edges[cursor[low]] = code + 1
-                cursor[low] += 1
-    return edges, starts
+            # Written in any case and kept by counting on: no jump that cannot be foreseen.
+            right = here if x + 1 == width else labels[y, x + 1]
+            codes[found] = 2 * (y * width + x)
+            lower[found] = min(here, right)
+            found += right != here
+            below = here if last_row else labels[y + 1, x]
+            codes[found] = 2 * (y * width + x) + 1
+            lower[found] = min(here, below)
+            found += below != here
+    return codes, lower, found

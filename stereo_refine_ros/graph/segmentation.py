@@ -19,9 +19,11 @@ from __future__ import annotations
 import cv2
 from numba import njit
 import numpy as np
+from numpy.typing import NDArray
 
 from stereo_refine_ros.graph.disjoint_set import find, make_sets, union
-from stereo_refine_ros.graph.pixel_graph import edge_weights, neighbour_offsets, sort_edges
+from stereo_refine_ros.graph.pixel_graph import (
+    edge_weights, neighbour_offsets, relative_edge_weights, sort_edges)
 from stereo_refine_ros.params import SegmentationParams
 from stereo_refine_ros.types import Image, LabelMap, require_image
 
@@ -38,7 +40,7 @@ def segment_image(image: Image, params: SegmentationParams) -> tuple[LabelMap, i
     image : uint8 ndarray of shape (H, W) or (H, W, 3)
         Grey or BGR.
     params : SegmentationParams
-        k, blur, smallest size and neighbourhood.
+        k, blur, smallest size, neighbourhood, and whether weights are relative to the image.
 
     Returns
     -------
@@ -48,10 +50,8 @@ def segment_image(image: Image, params: SegmentationParams) -> tuple[LabelMap, i
 
     """
     require_image('image', image)
-    if params.sigma > 0:
-        image = cv2.GaussianBlur(image, (0, 0), params.sigma)
     directions = 4 if params.diagonal else 2
-    weights = edge_weights(image, directions)
+    weights = _weigh(image, params, directions)
     height, width = image.shape[:2]
     parent, size = make_sets(height * width)
     labels = np.empty(height * width, np.int32)
@@ -59,6 +59,14 @@ def segment_image(image: Image, params: SegmentationParams) -> tuple[LabelMap, i
         sort_edges(weights), weights.reshape(-1), neighbour_offsets(width, directions),
         np.float32(params.k), params.min_size, parent, size, labels)
     return labels.reshape(height, width), count
+
+
+def _weigh(image: Image, params: SegmentationParams, directions: int) -> NDArray[np.uint8]:
+    if params.adapt:
+        return relative_edge_weights(image, params.sigma, directions)
+    if params.sigma > 0:
+        image = cv2.GaussianBlur(image, (0, 0), params.sigma)
+    return edge_weights(image, directions)
 
 
 @njit(cache=True, nogil=True)

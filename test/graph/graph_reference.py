@@ -91,20 +91,21 @@ def tree_means(volume, edges, sigma):
     return (similarity @ rows / similarity.sum(axis=1, keepdims=True)).reshape(volume.shape)
 
 
-def sorted_edges(image, directions):
+def sorted_edges(image, directions, weights=None):
     """List (weight, pixel, pixel) by weight; equal ones by direction, then in raster order."""
     height, width = image.shape[:2]
     values = image.reshape(height, width, -1).astype(int)
     edges = []
-    for dy, dx in STEPS[:directions]:
+    for k, (dy, dx) in enumerate(STEPS[:directions]):
         for y in range(height - dy):
             for x in range(max(0, -dx), min(width, width - dx)):
-                weight = np.abs(values[y, x] - values[y + dy, x + dx]).max()
+                weight = np.abs(values[y, x] - values[y + dy, x + dx]).max() \
+                    if weights is None else weights[y, x, k]
                 edges.append((int(weight), (y, x), (y + dy, x + dx)))
     return sorted(edges, key=lambda edge: edge[0])
 
 
-def segment(image, k, min_size, directions):
+def segment(image, k, min_size, directions, weights=None):
     """Merge sets of pixels edge by edge; return labels in raster order and their number."""
     component = {pixel: frozenset([pixel]) for pixel in np.ndindex(image.shape[:2])}
     largest = {}
@@ -119,7 +120,7 @@ def segment(image, k, min_size, directions):
         members = component[pixel]
         return np.float32(largest.get(members, 0)) + np.float32(k) / np.float32(len(members))
 
-    edges = sorted_edges(image, directions)
+    edges = sorted_edges(image, directions, weights)
     for weight, a, b in edges:
         if component[a] is not component[b] and weight <= min(limit(a), limit(b)):
             largest[join(a, b)] = weight

@@ -20,7 +20,7 @@ import pytest
 
 from stereo_refine_ros.graph.disjoint_set import find, make_sets, union
 from stereo_refine_ros.graph.pixel_graph import (
-    count_edges, edge_weights, neighbour_offsets, sort_edges)
+    count_edges, edge_weights, neighbour_offsets, relative_edge_weights, sort_edges)
 
 
 @pytest.mark.parametrize('directions', [2, 4])
@@ -48,6 +48,65 @@ def test_weight_is_the_largest_channel_difference_and_does_not_wrap():
 def test_edge_weights_refuses_other_neighbourhoods():
     with pytest.raises(ValueError, match='directions: expected 2 or 4, got 3'):
         edge_weights(np.zeros((2, 2), np.uint8), 3)
+
+
+def relative_weights_by_hand(image, directions):
+    """Weigh edges by change of log brightness in units of its mean on rows 0, 4, 8, ..."""
+    height, width = image.shape[:2]
+    dark = max(image.mean(), 1) / 4
+    scale = 65535 / np.log(1 + 255 / dark)
+    tones = np.rint(scale * np.log(1 + image.astype(float) / dark)).reshape(height, width, -1)
+    change = {}
+    for y, x, k in np.ndindex(height, width, directions):
+        v, u = y + (k > 0), x + (1, 0, 1, -1)[k]
+        if v < height and 0 <= u < width:
+            change[y, x, k] = np.abs(tones[y, x] - tones[v, u]).max()
+    seen = [value for (y, _, k), value in change.items() if y % 4 == 0 and k < 2]
+    rounding = 0.25 * scale / (4 * dark + dark)
+    unit = max(np.mean(seen) if seen else 0, rounding)
+    weights = np.zeros((height, width, directions))
+    for edge, value in change.items():
+        weights[edge] = min(255, np.floor(value * 12 / unit + 0.5))
+    return weights
+
+
+@pytest.mark.parametrize('directions', [2, 4])
+@pytest.mark.parametrize('shape', [(6, 7, 3), (9, 5), (1, 6, 3), (6, 1), (1, 1, 3)])
+def test_relative_weights_are_those_of_the_definition(shape, directions):
+    image = np.random.default_rng(4).integers(0, 256, shape, dtype=np.uint8)
+    weights = relative_edge_weights(image, 0.0, directions)
+    assert weights.dtype == np.uint8
+    # The scale is rounded to single precision: a tie may fall to either side.
+    np.testing.assert_allclose(weights, relative_weights_by_hand(image, directions), atol=1)
+    assert (weights != relative_weights_by_hand(image, directions)).mean() < 0.02
+
+
+def test_a_gain_changes_no_relative_weight_by_more_than_rounding_does():
+    image = np.random.default_rng(5).integers(0, 100, (12, 15, 3), dtype=np.uint8)
+    weights = relative_edge_weights(image, 0.5).astype(int)
+    np.testing.assert_allclose(relative_edge_weights(2 * image, 0.5), weights, atol=1)
+
+
+def test_grey_and_three_equal_channels_weigh_the_same():
+    image = np.random.default_rng(6).integers(0, 256, (9, 11), dtype=np.uint8)
+    np.testing.assert_array_equal(
+        relative_edge_weights(np.dstack([image] * 3), 0.5), relative_edge_weights(image, 0.5))
+
+
+@pytest.mark.parametrize('level', [7, 100, 255])
+def test_rounding_of_a_flat_image_is_not_blown_up(level):
+    image = np.full((20, 30), level, np.uint8)
+    assert relative_edge_weights(image, 0.5).max() == 0
+    # Four edges of 2370 would make a mean that a step of one grey level exceeds 590 times.
+    image[10, 15] = level - 1
+    assert relative_edge_weights(image, 0.0).max() == pytest.approx(12 / 0.25, abs=5)
+
+
+def test_relative_weights_refuse_what_edge_weights_refuses():
+    with pytest.raises(ValueError, match='directions: expected 2 or 4, got 3'):
+        relative_edge_weights(np.zeros((2, 2), np.uint8), 0.5, 3)
+    with pytest.raises(ValueError, match='image: expected uint8'):
+        relative_edge_weights(np.zeros((2, 2), np.float32), 0.5)
 
 
 def test_union_joins_and_counts_and_find_agrees_with_a_dictionary():

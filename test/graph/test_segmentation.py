@@ -18,7 +18,9 @@ import cv2
 import graph_reference
 import numpy as np
 import pytest
+from real_scenes import real_scene_folder
 
+from stereo_refine_ros.graph.pixel_graph import relative_edge_weights
 from stereo_refine_ros.graph.segmentation import segment_image
 from stereo_refine_ros.params import SegmentationParams
 
@@ -36,7 +38,7 @@ def blocky_image(shape, seed, noise=9):
 @pytest.mark.parametrize('shape', [(11, 13, 3), (10, 9), (1, 17, 3), (15, 1)])
 def test_segments_are_those_of_the_slow_version(shape, k, min_size, diagonal):
     image = blocky_image(shape, seed=shape[0])
-    labels, count = segment_image(image, SegmentationParams(k, 0.0, min_size, diagonal))
+    labels, count = segment_image(image, SegmentationParams(k, 0.0, min_size, diagonal, False))
     expected, expected_count = graph_reference.segment(image, k, min_size, 4 if diagonal else 2)
     assert labels.dtype == np.int32
     assert count == expected_count
@@ -46,7 +48,7 @@ def test_segments_are_those_of_the_slow_version(shape, k, min_size, diagonal):
 @pytest.mark.parametrize('seed', range(6))
 def test_ties_are_decided_as_in_the_slow_version(seed):
     image = np.random.default_rng(seed).integers(0, 4, (9, 10), dtype=np.uint8) * 10
-    labels, _ = segment_image(image, SegmentationParams(40.0, 0.0, 3))
+    labels, _ = segment_image(image, SegmentationParams(40.0, 0.0, 3, adapt=False))
     np.testing.assert_array_equal(labels, graph_reference.segment(image, 40.0, 3, 2)[0])
 
 
@@ -88,8 +90,56 @@ def test_two_flat_halves_are_two_segments():
 def test_the_image_is_blurred_first():
     image = blocky_image((12, 14, 3), seed=5, noise=40)
     blurred = cv2.GaussianBlur(image, (0, 0), 0.8)
-    labels, _ = segment_image(image, SegmentationParams(80.0, 0.8, 4))
-    expected, _ = segment_image(blurred, SegmentationParams(80.0, 0.0, 4))
+    labels, _ = segment_image(image, SegmentationParams(80.0, 0.8, 4, adapt=False))
+    expected, _ = segment_image(blurred, SegmentationParams(80.0, 0.0, 4, adapt=False))
+    np.testing.assert_array_equal(labels, expected)
+
+
+def noisy(image, sigma):
+    noise = np.random.default_rng(5).normal(0, sigma, image.shape)
+    return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
+
+
+# Each with the change of the number of segments that it may make.
+VERSIONS = {
+    'grey': (lambda image: cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), 0.1),
+    'dark': (lambda image: np.rint(image * 0.3).astype(np.uint8), 0.1),
+    'haze': (lambda image: np.rint(image * 0.5 + 100).astype(np.uint8), 0.15),
+    'noise of 5': (lambda image: noisy(image, 5), 0.15),
+    'noise of 10': (lambda image: noisy(image, 10), 0.3),
+}
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize('version', VERSIONS)
+@pytest.mark.parametrize('scene', ['cones', 'teddy', 'Art'])
+def test_versions_of_a_scene_have_nearly_as_many_segments(scene, version):
+    view = cv2.imread(str(real_scene_folder(scene) / 'left.png'))
+    image = cv2.resize(view, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    make, tolerance = VERSIONS[version]
+    params = SegmentationParams(min_size=15)
+    count = segment_image(image, params)[1]
+    assert segment_image(make(image), params)[1] == pytest.approx(count, rel=tolerance)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize('version', ['dark', 'haze'])
+def test_in_grey_levels_they_have_far_fewer(version):
+    view = cv2.imread(str(real_scene_folder('Art') / 'left.png'))
+    params = SegmentationParams(k=100.0, adapt=False)
+    count = segment_image(view, params)[1]
+    assert segment_image(VERSIONS[version][0](view), params)[1] < 0.75 * count
+
+
+@pytest.mark.parametrize('diagonal', [False, True])
+def test_segments_of_relative_weights_are_those_of_the_slow_version(diagonal):
+    image = blocky_image((11, 13, 3), seed=6)
+    params = SegmentationParams(150.0, 0.5, 4, diagonal, True)
+    weights = relative_edge_weights(image, 0.5, 4 if diagonal else 2)
+    labels, count = segment_image(image, params)
+    expected, expected_count = graph_reference.segment(
+        image, 150.0, 4, 4 if diagonal else 2, weights)
+    assert count == expected_count
     np.testing.assert_array_equal(labels, expected)
 
 
