@@ -48,3 +48,7 @@ FEWEST_POINTS, LEAST_SHARE, FEWEST_FOR_SLOPES = 20, 0.35, 60
 TERM_ERRORS, TERM_PX = 3.5, 0.15
 # An offset below this at its largest is none, pixels.
 LEAST_PX = 0.2
+# Frames whose measurements are averaged, and frames in a row that make a knock.
+FRAMES_AVERAGED, FRAMES_TO_FOLLOW = 15, 3
+# A knock moves the offset by this; less than the other changes nothing of what is in use, pixels.
+KNOCK_PX, KEEP_PX = 0.4, 0.12
