@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A coarse look at a pair that hardly matches: would it, turned upside down or exchanged?"""
+"""A coarse look at a pair that hardly matches: turned upside down, or exchanged."""
 
 from __future__ import annotations
 

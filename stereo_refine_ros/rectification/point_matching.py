@@ -12,12 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Points of the left view found in the right one, to a fraction of a row, without full matching."""
+"""Points of the left view found in the right one, to a fraction of a row."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+from typing import Any
 
 import cv2
 from numba import njit
@@ -28,6 +29,7 @@ from stereo_refine_ros.rectification import tuning
 from stereo_refine_ros.types import FloatMap, Image
 
 
+Array = NDArray[np.float64]
 _BLOCK = 2 * tuning.COARSE_RADIUS_PX + 1
 _SIDE = 2 * tuning.FINE_RADIUS_PX
 # Grey levels squared, far below any noise: keeps a plain block from dividing by 0.
@@ -50,10 +52,10 @@ class PointMatches:
 
     """
 
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    dy: NDArray[np.float64]
-    sigma: NDArray[np.float64]
+    x: Array
+    y: Array
+    dy: Array
+    sigma: Array
 
 
 def match_points(left: Image, right: Image, min_disparity: int, num_disparities: int
@@ -74,33 +76,33 @@ def match_points(left: Image, right: Image, min_disparity: int, num_disparities:
         Empty where the views are too small or too plain.
 
     """
-    levels = [(left, right)]
+    levels: list[tuple[Any, Any]] = [(left, right)]
     while levels[-1][0].shape[1] > tuning.COARSE_WIDTH_PX:
         levels.append((_halve(levels[-1][0]), _halve(levels[-1][1])))
-    coarse = levels[-1]
-    if min(coarse[0].shape) < 4 * (tuning.COARSE_RADIUS_PX + tuning.COARSE_ROWS_PX):
+    coarse, other = (np.asarray(view, np.float32) for view in levels[-1])
+    if min(coarse.shape) < 4 * (tuning.COARSE_RADIUS_PX + tuning.COARSE_ROWS_PX):
         return PointMatches(*np.zeros((4, 0)))
     scale = 2 ** (len(levels) - 1)
-    points = _strongest(_cornerness(coarse[0]), tuning.CELLS_ACROSS, tuning.CELLS_DOWN,
+    points = _strongest(_cornerness(coarse), tuning.CELLS_ACROSS, tuning.CELLS_DOWN,
                         tuning.COARSE_RADIUS_PX + tuning.COARSE_ROWS_PX + 1)
     found = np.empty((len(points), 5))
-    _search(*coarse, _inverse_deviation(coarse[1]), points, math.floor(min_disparity / scale) - 1,
+    _search(coarse, other, _inverse_deviation(other), points,
+            math.floor(min_disparity / scale) - 1,
             math.ceil((min_disparity + num_disparities) / scale) + 1, found)
     found = found[found[:, 4] >= tuning.COARSE_CORRELATION]
     return _refine(levels, found)
 
 
-def _refine(levels, found):
-    top = len(levels) - 1
-    for level in range(min(top, 1), -1, -1):
-        factor = 2 ** (top - level)
-        out = np.empty((len(found), 6))
-        _track(*levels[level], found, float(factor), out)
-        top = level
-        found = out[out[:, 4] >= tuning.FINE_CORRELATION]
-    # centres of pixels: level coordinate c is image coordinate
-    x, y, d, dy, _, sigma = found.T
-    return PointMatches(x - d, y, dy, sigma)
+def _refine(levels: list[tuple[Any, Any]], found: Array) -> PointMatches:
+    """Follow points that were found at the last level to the first, by way of the second."""
+    level = len(levels) - 1
+    for finer in range(min(level, 1), -1, -1):
+        tracked = np.empty((len(found), 6))
+        _track(*levels[finer], found, 2.0 ** (level - finer), tracked)
+        found = tracked[tracked[:, 4] >= tuning.FINE_CORRELATION]
+        level = finer
+    x, y, disparity, dy, _, sigma = found.T
+    return PointMatches(x - disparity, y, dy, sigma)
 
 
 def _cornerness(image: FloatMap) -> FloatMap:
@@ -208,8 +210,12 @@ def _track(left, right, found, factor, out):
                 correlation = cross / math.sqrt(max(energy * other, 1e-6))
                 gain = math.sqrt(energy / max(other, 1e-6))
                 rx, ry = bx - gain * cross_x, by - gain * cross_y
-                u += (yy * rx - xy * ry) / determinant
-                v += (xx * ry - xy * rx) / determinant
+                step_u = (yy * rx - xy * ry) / determinant
+                step_v = (xx * ry - xy * rx) / determinant
+                u += step_u
+                v += step_v
+                if abs(step_u) + abs(step_v) < tuning.FINE_STEP_PX:
+                    break
             noise = 2 * max(1 - correlation, 0.0) * energy / _SIDE ** 2
         out[n, 2], out[n, 3], out[n, 4] = -u, v, correlation
         out[n, 5] = math.sqrt(noise * xx / determinant) if correlation > 0 else np.inf
@@ -218,13 +224,14 @@ def _track(left, right, found, factor, out):
 @njit(cache=True, nogil=True, fastmath={'reassoc', 'contract'})
 def _cut(image, left, top, block, gx, gy):
     """Cut out a block and its gradients, all of mean 0; return their sums of products."""
+    half = np.float32(0.5)
     mean = mean_x = mean_y = np.float32(0)
     for j in range(_SIDE):
         for i in range(_SIDE):
             y, x = top + j, left + i
             block[j, i] = image[y, x]
-            gx[j, i] = np.float32(0.5) * (np.float32(image[y, x + 1]) - np.float32(image[y, x - 1]))
-            gy[j, i] = np.float32(0.5) * (np.float32(image[y + 1, x]) - np.float32(image[y - 1, x]))
+            gx[j, i] = half * (np.float32(image[y, x + 1]) - np.float32(image[y, x - 1]))
+            gy[j, i] = half * (np.float32(image[y + 1, x]) - np.float32(image[y - 1, x]))
             mean += block[j, i]
             mean_x += gx[j, i]
             mean_y += gy[j, i]

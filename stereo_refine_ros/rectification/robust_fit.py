@@ -130,7 +130,7 @@ def _patches(across: Array, down: Array) -> NDArray[np.int64]:
 
 
 def _sum(values: Array, patch: NDArray[np.int64]) -> Array:
-    return np.bincount(patch, values, tuning.PATCHES ** 2)
+    return np.bincount(patch, values, tuning.PATCHES ** 2).astype(np.float64)
 
 
 def _weighted_median(values: Array, weights: Array) -> float:

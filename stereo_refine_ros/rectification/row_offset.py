@@ -17,7 +17,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -57,6 +59,12 @@ class RowOffset:
     twist_px: float = 0.0
     points: int = 0
 
+    @classmethod
+    def of(cls, terms: Iterable[float], points: int) -> RowOffset:
+        """Build from offset, tilt, stretch and twist."""
+        offset, tilt, stretch, twist = (float(term) for term in terms)
+        return cls(offset, tilt, stretch, twist, points)
+
     @property
     def terms(self) -> tuple[float, float, float, float]:
         """Offset, tilt, stretch, twist."""
@@ -77,7 +85,7 @@ class RowOffset:
         down, across = _grid(*shape)
         return np.broadcast_to(self._at(across, down), shape).astype(np.float32)
 
-    def _at(self, across, down):
+    def _at(self, across: Any, down: Any) -> Any:
         return (self.offset_px + self.tilt_px * across + self.stretch_px * down
                 + self.twist_px * across * down)
 
@@ -102,7 +110,7 @@ def measure_row_offset(left: Image, right: Image, min_disparity: int, num_dispar
                    points.dy, points.sigma)
     if not fit.is_fitted:
         return NO_OFFSET
-    return RowOffset(*(float(term) for term in fit.terms), fit.points)
+    return RowOffset.of(fit.terms, fit.points)
 
 
 def find_row_offset(left: Image, right: Image, min_disparity: int, num_disparities: int
@@ -138,12 +146,14 @@ def undo_row_offset(right: Image, offset: RowOffset, threads: int = 1) -> Image:
     """
     Warp the right view so that its rows are those of the left.
 
-    What turns the rows turns the columns: a tilt is undone as the turn of a camera that causes
-    it. Stretch and twist move pixels up and down only, since what else they did is unknown.
+    What turns the rows turns the columns: a clear tilt is undone as the turn of a camera that
+    causes it. A slight tilt, stretch and twist move pixels up and down only, since their cause,
+    and what it did to the columns, is unknown.
 
     Parameters
     ----------
     right : uint8 ndarray of shape (H, W) or (H, W, 3)
+        The view to warp.
     offset : RowOffset
         From `find_row_offset`.
     threads : int
@@ -160,9 +170,23 @@ def undo_row_offset(right: Image, offset: RowOffset, threads: int = 1) -> Image:
     height, width = right.shape[:2]
     image = np.ascontiguousarray(right).reshape(height, width, -1)
     out = np.empty_like(image)
-    angle = offset.tilt_px / max(width - 1, 1)
+    angle = _turn(offset.tilt_px / max(width - 1, 1))
     run_bands(warp_rows, height, threads, image, np.array(offset.terms), angle, out)
     return out.reshape(right.shape)
+
+
+def compile_kernels() -> None:
+    """Run every kernel once, so that the first frame does not wait for the compiler."""
+    texture = np.random.default_rng(0).integers(0, 256, (96, 512), np.uint8)
+    view = np.asarray(cv2.GaussianBlur(texture, (0, 0), 4))
+    measure_row_offset(view, view, 0, 16)
+    undo_row_offset(view, RowOffset(tilt_px=1.0))
+
+
+def _turn(tilt: float) -> float:
+    """Return the turn of the camera that a tilt stands for, radian: none for a slight one."""
+    slight, clear = np.radians(tuning.SLIGHT_TURN_DEG), np.radians(tuning.CLEAR_TURN_DEG)
+    return tilt * min(max((abs(tilt) - slight) / (clear - slight), 0.0), 1.0)
 
 
 def _grid(height: int, width: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -62,7 +62,7 @@ class RowOffsetTracker:
         return self._in_use
 
     def _forget_before_knock(self) -> None:
-        """Drop what was measured before the last few frames where these agree on another offset."""
+        """Drop what is older than the last few frames, where these agree on another offset."""
         latest = list(self._measured)[-tuning.FRAMES_TO_FOLLOW:]
         earlier = list(self._measured)[:-tuning.FRAMES_TO_FOLLOW]
         if len(earlier) == 0:
@@ -75,9 +75,9 @@ class RowOffsetTracker:
 
 def _median(offsets: list[RowOffset]) -> RowOffset:
     terms = np.median([offset.terms for offset in offsets], axis=0)
-    return RowOffset(*(float(term) for term in terms), offsets[-1].points)
+    return RowOffset.of(terms, offsets[-1].points)
 
 
 def _distance(first: RowOffset, second: RowOffset) -> float:
     """Return by how much two offsets differ at most in the image, pixels."""
-    return RowOffset(*(a - b for a, b in zip(first.terms, second.terms, strict=True))).largest_px
+    return RowOffset.of(np.subtract(first.terms, second.terms), 0).largest_px

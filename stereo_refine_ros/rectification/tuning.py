@@ -16,7 +16,7 @@
 The constants of this folder: unit, effect.
 
 Measured on the lab and field scenes by `python benchmarks/camera_faults.py` and held by
-test/rectification/test_real_scenes.py.
+test/rectification/test_real_row_offset.py.
 """
 
 # Half-size levels until the coarse one is no wider than this, pixels. Wider: finer start, slower.
@@ -29,8 +29,9 @@ COARSE_RADIUS_PX, FINE_RADIUS_PX = 3, 8
 COARSE_ROWS_PX = 2
 # Below this correlation a point is not believed: coarse search, and after refinement.
 COARSE_CORRELATION, FINE_CORRELATION = 0.7, 0.8
-# Gauss-Newton steps at each level; a point that moved further than this was a wrong start, pixels.
-FINE_STEPS, FINE_REACH_PX = 4, 3.0
+# Gauss-Newton steps at each level, and a step after which no further one is needed, pixels; a
+# point that moved further than the reach was a wrong start.
+FINE_STEPS, FINE_STEP_PX, FINE_REACH_PX = 5, 0.03, 3.0
 # The fit forgives residuals beyond these, one step after the other, pixels.
 FIT_SCALES_PX = (4.0, 2.0, 1.0, 0.6, 0.5, 0.4, 0.4, 0.4)
 # What a point lies near the fit within, pixels.
@@ -43,7 +44,7 @@ PATCHES = 5
 PRIOR_PX = (8.0, 2.0, 2.0, 8.0)
 # Fewer points than this near the fit, or a smaller share of all, are no evidence; and fewer
 # than so many say nothing of more than the offset.
-FEWEST_POINTS, LEAST_SHARE, FEWEST_FOR_SLOPES = 20, 0.35, 60
+FEWEST_POINTS, LEAST_SHARE, FEWEST_FOR_SLOPES = 30, 0.35, 60
 # A term counts from so many standard errors and from this effect at the border, pixels.
 TERM_ERRORS, TERM_PX = 3.5, 0.15
 # An offset below this at its largest is none, pixels.
@@ -52,3 +53,5 @@ LEAST_PX = 0.2
 FRAMES_AVERAGED, FRAMES_TO_FOLLOW = 15, 3
 # A knock moves the offset by this; less than the other changes nothing of what is in use, pixels.
 KNOCK_PX, KEEP_PX = 0.4, 0.12
+# A tilt below the first is not taken for a turn of the camera, one above the second is, degrees.
+SLIGHT_TURN_DEG, CLEAR_TURN_DEG = 0.06, 0.15

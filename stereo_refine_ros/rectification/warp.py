@@ -48,12 +48,15 @@ def warp_rows(start, stop, image, terms, angle, out):
     Parameters
     ----------
     start, stop : int
+        Rows of this band.
     image : uint8 ndarray of shape (H, W, C)
+        Where pixels come from.
     terms : float64 ndarray of shape (4,)
         Offset, tilt, stretch and twist, pixels.
     angle : float
         What the view is turned by, radian.
     out : uint8 ndarray of shape (H, W, C)
+        Written.
 
     """
     height, width, channels = image.shape
