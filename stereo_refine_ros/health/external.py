@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 
 from stereo_refine_ros.health import tuning
@@ -63,11 +64,16 @@ def fits_right_better(given: FloatMap, left: Image, right: Image) -> bool:
     """
     rows = slice(None, None, tuning.EVERY_ROW)
     given = given[rows]
-    slopes = [np.gradient(view[rows].astype(np.float32), axis=1) if view.shape[1] > 1
-              else np.zeros(view[rows].shape, np.float32) for view in (left, right)]
+    slopes = [_slope(view)[rows] for view in (left, right)]
     of_left = _edge_error(given, slopes[0], slopes[1], -1)
     of_right = _edge_error(given, slopes[1], slopes[0], 1)
     return math.isfinite(of_left) and of_right < tuning.CLEARLY_BETTER * of_left
+
+
+def _slope(view: Image) -> FloatMap:
+    """Return the change along the rows of a smoothed view, grey levels a pixel."""
+    smooth = cv2.GaussianBlur(view, (0, 0), tuning.EDGE_BLUR_PX)
+    return np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=1, scale=0.5))
 
 
 def _edge_error(given: FloatMap, own: FloatMap, other: FloatMap, sign: int) -> float:

@@ -23,11 +23,13 @@ import cv2
 import numpy as np
 
 from stereo_refine_ros.health import tuning
-from stereo_refine_ros.types import Image
+from stereo_refine_ros.types import FloatMap, Image
 
 
 # Coarse pixels at the lower end of the range that do not count.
 _END = 0.5
+# By how much the best block must beat the next, percent, and its texture, OpenCV's unit.
+_UNIQUENESS, _TEXTURE = 5, 5
 
 
 @dataclass(frozen=True)
@@ -74,22 +76,27 @@ def suspect(left: Image, right: Image, min_disparity: int, num_disparities: int)
 def _matched_ratio(left: Image, right: Image, lowest: int, count: int) -> float:
     """Return the share of pixels whose matches from left and from right agree."""
     disparities = 16 * max(1, -(-count // 16))
-    columns = max(lowest, 0) + disparities
-    left, right = (np.asarray(cv2.copyMakeBorder(view, 0, 0, columns, columns,
-                                                 cv2.BORDER_REPLICATE)) for view in (left, right))
-    matcher = cv2.StereoSGBM_create(
-        minDisparity=lowest, numDisparities=disparities, blockSize=5, P1=8 * 25, P2=32 * 25,
-        disp12MaxDiff=-1, preFilterCap=31, uniquenessRatio=5,
-        mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY)
-    to_right = matcher.compute(left, right)
+    columns, rows = max(lowest, 0) + disparities, tuning.COARSE_BLOCK_PX
+    left, right = (np.asarray(cv2.copyMakeBorder(
+        view, rows, rows, columns, columns, cv2.BORDER_REPLICATE)) for view in (left, right))
+    to_right = _match(left, right, lowest, disparities)
     # The right view's match is the left view's of the mirrored pair.
-    to_left = matcher.compute(np.ascontiguousarray(right[:, ::-1]),
-                              np.ascontiguousarray(left[:, ::-1]))[:, ::-1]
+    to_left = _match(right[:, ::-1], left[:, ::-1], lowest, disparities)[:, ::-1]
     inside = slice(columns, left.shape[1] - columns)
-    disparity = to_right[:, inside] / 16.0
+    disparity = to_right[rows:-rows, inside]
     target = np.rint(np.arange(left.shape[1])[inside] - disparity).astype(np.int64)
-    back = np.take_along_axis(to_left, target.clip(0, left.shape[1] - 1), axis=1) / 16.0
+    back = np.take_along_axis(to_left[rows:-rows], target.clip(0, left.shape[1] - 1), axis=1)
     # A pair put together wrongly piles up at the end of the range, where a shift of 0 nearly fits.
     is_matched = ((disparity > lowest + _END) & (back > lowest + _END)
                   & (np.abs(disparity - back) <= 1.0))
     return float(is_matched.mean())
+
+
+def _match(left: Image, right: Image, lowest: int, disparities: int) -> FloatMap:
+    """Return the disparities of OpenCV's block matcher, pixels, below `lowest` where none."""
+    matcher = cv2.StereoBM_create(disparities, tuning.COARSE_BLOCK_PX)
+    matcher.setMinDisparity(lowest)
+    matcher.setUniquenessRatio(_UNIQUENESS)
+    matcher.setTextureThreshold(_TEXTURE)
+    fixed = matcher.compute(np.ascontiguousarray(left), np.ascontiguousarray(right))
+    return fixed.astype(np.float32) / np.float32(16)

@@ -33,9 +33,13 @@ BLACK, WHITE = 1, 254
 PLAIN = 1.0
 # The coarse look is taken at about this width, pixels.
 COARSE_WIDTH_PX = 160
+# Side of the blocks that are matched then, coarse pixels.
+COARSE_BLOCK_PX = 11
 # Within how many pixels an external map agrees with the own match.
 AGREE_PX = 2.0
 # An external map is of the other view where its error there is below this share of that here.
-CLEARLY_BETTER = 0.7
+CLEARLY_BETTER = 0.85
 # Gradient, grey levels a pixel, from which a pixel says where the map's view is.
 EDGE = 8.0
+# Gaussian by which the views are smoothed for that, pixels.
+EDGE_BLUR_PX = 1.0

@@ -227,11 +227,13 @@ def _cut(image, left, top, block, gx, gy):
     half = np.float32(0.5)
     mean = mean_x = mean_y = np.float32(0)
     for j in range(_SIDE):
+        above = image[top + j - 1, left:left + _SIDE]
+        here = image[top + j, left - 1:left + _SIDE + 1]
+        below = image[top + j + 1, left:left + _SIDE]
         for i in range(_SIDE):
-            y, x = top + j, left + i
-            block[j, i] = image[y, x]
-            gx[j, i] = half * (np.float32(image[y, x + 1]) - np.float32(image[y, x - 1]))
-            gy[j, i] = half * (np.float32(image[y + 1, x]) - np.float32(image[y - 1, x]))
+            block[j, i] = here[i + 1]
+            gx[j, i] = half * (np.float32(here[i + 2]) - np.float32(here[i]))
+            gy[j, i] = half * (np.float32(below[i]) - np.float32(above[i]))
             mean += block[j, i]
             mean_x += gx[j, i]
             mean_y += gy[j, i]
@@ -261,15 +263,16 @@ def _compare(image, left, top, part_x, part_y, block, gx, gy):
     # Levels are counted from one of the block, so that float32 keeps the variance.
     base = np.float32(image[top + _SIDE // 2, left + _SIDE // 2])
     for j in range(_SIDE):
-        upper, lower = image[top + j], image[top + j + 1]
+        upper = image[top + j, left:left + _SIDE + 1]
+        lower = image[top + j + 1, left:left + _SIDE + 1]
+        level, slope_x, slope_y = block[j], gx[j], gy[j]
         for i in range(_SIDE):
-            k = left + i
-            value = (by * (bx * np.float32(upper[k]) + ax * np.float32(upper[k + 1]))
-                     + ay * (bx * np.float32(lower[k]) + ax * np.float32(lower[k + 1]))) - base
+            value = (by * (bx * np.float32(upper[i]) + ax * np.float32(upper[i + 1]))
+                     + ay * (bx * np.float32(lower[i]) + ax * np.float32(lower[i + 1]))) - base
             total += value
             square += value * value
-            cross += block[j, i] * value
-            cross_x += gx[j, i] * value
-            cross_y += gy[j, i] * value
+            cross += level[i] * value
+            cross_x += slope_x[i] * value
+            cross_y += slope_y[i] * value
     energy = square - total * total / np.float32(_SIDE * _SIDE)
     return float(energy), float(cross), float(cross_x), float(cross_y)

@@ -109,7 +109,7 @@ def _fit(rows: Array, patch: NDArray[np.int64], dy: Array, certainty: Array,
         residual = dy - np.einsum('ip,i->p', rows, terms)
         weight = certainty / (1 + (residual / scale) ** 2) ** 2
         weight /= 1 + tuning.PATCH_SIGMA_PX ** 2 * _sum(weight, patch)[patch]
-        normal = np.einsum('ip,p,jp->ij', rows, weight, rows) + prior
+        normal = np.einsum('ip,jp->ij', rows * weight, rows) + prior
         terms = np.linalg.solve(normal, np.einsum('ip,p->i', rows, weight * dy))
     residual = dy - np.einsum('ip,i->p', rows, terms)
     # Residuals of neighbours go together: what counts is how the patches disagree.

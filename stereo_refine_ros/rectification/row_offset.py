@@ -196,4 +196,5 @@ def _grid(height: int, width: int) -> tuple[NDArray[np.float64], NDArray[np.floa
 
 
 def _grey(image: Image) -> Image:
-    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
+    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    return np.ascontiguousarray(grey)

@@ -33,7 +33,7 @@ COARSE_CORRELATION, FINE_CORRELATION = 0.7, 0.8
 # point that moved further than the reach was a wrong start.
 FINE_STEPS, FINE_STEP_PX, FINE_REACH_PX = 5, 0.03, 3.0
 # The fit forgives residuals beyond these, one step after the other, pixels.
-FIT_SCALES_PX = (4.0, 2.0, 1.0, 0.6, 0.5, 0.4, 0.4, 0.4)
+FIT_SCALES_PX = (4.0, 2.0, 1.0, 0.5, 0.4, 0.4)
 # What a point lies near the fit within, pixels.
 NEAR_PX = 0.8
 # No point is believed to better than this, nor all points of a patch together, pixels.

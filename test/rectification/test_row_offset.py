@@ -154,11 +154,12 @@ def test_repeated_texture_is_no_trap():
 
 
 def test_moving_things_are_outvoted():
-    """A third of the picture is elsewhere in the right view, by three rows."""
+    """Something large is elsewhere in the right view, by three rows."""
     left, right = pair(RowOffset(0.5))
-    right[:, 430:] = np.roll(right, 3, axis=0)[:, 430:]
+    right[100:400, 330:550] = np.roll(right, 3, axis=0)[100:400, 330:550]
     found = find_row_offset(left, right, 0, 64)
     assert found.offset_px == pytest.approx(0.5, abs=0.1)
+    assert found.largest_px == pytest.approx(0.5, abs=0.15)
 
 
 def test_same_input_gives_the_same_bits():
