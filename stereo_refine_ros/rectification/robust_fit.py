@@ -84,7 +84,8 @@ def fit_rows(across: Array, down: Array, dy: Array, sigma: Array) -> RowFit:
     for _ in range(3):
         is_clear = ((np.abs(fit.terms) > tuning.TERM_ERRORS * fit.errors)
                     & (EFFECT * np.abs(fit.terms) > tuning.TERM_PX)
-                    & (fit.points >= tuning.FEWEST_FOR_SLOPES))
+                    & (fit.points >= tuning.FEWEST_FOR_SLOPES)
+                    & (fit.share >= tuning.LEAST_SHARE_FOR_SLOPES))
         is_clear[0] = True
         if is_clear[is_used].all():
             break

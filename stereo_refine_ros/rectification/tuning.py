@@ -42,9 +42,10 @@ POINT_SIGMA_PX, PATCH_SIGMA_PX = 0.15, 0.15
 PATCHES = 5
 # What is expected of the terms without evidence, pixels.
 PRIOR_PX = (8.0, 2.0, 2.0, 8.0)
-# Fewer points than this near the fit, or a smaller share of all, are no evidence; and fewer
-# than so many say nothing of more than the offset.
-FEWEST_POINTS, LEAST_SHARE, FEWEST_FOR_SLOPES = 30, 0.35, 60
+# Fewer points than this near the fit, or a smaller share of all, are no evidence: of an offset,
+# and of how it changes over the image.
+FEWEST_POINTS, LEAST_SHARE = 30, 0.35
+FEWEST_FOR_SLOPES, LEAST_SHARE_FOR_SLOPES = 60, 0.65
 # A term counts from so many standard errors and from this effect at the border, pixels.
 TERM_ERRORS, TERM_PX = 3.5, 0.15
 # An offset below this at its largest is none, pixels.

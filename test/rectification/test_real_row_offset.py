@@ -33,6 +33,9 @@ OWN_OFFSET = {
     'field/middlebury/Motorcycle': RowOffset(-0.32),
     'field/middlebury/Pipes': RowOffset(-0.15, stretch_px=-1.1),
     'field/eth3d/electro_2l': RowOffset(0.04, tilt_px=-1.1)}
+# What three of the five cameras of one make have over their height.
+STRETCHED = {'field/cameras/oak_desk': 1.1, 'field/cameras/oak_living_room': 1.4,
+             'field/cameras/oak_pov_hands': 1.2}
 KITTI_TWIST_PX = 5.8
 # What a term that is just not, or just, seen does at the border.
 AT_THE_EDGE_PX = 0.55
@@ -113,11 +116,14 @@ def test_real_camera_against_features(name):
     pair = load(name)
     found = find_row_offset(pair.left, pair.right, 0, pair.disparities)
     x, y, dy = feature_rows(pair)
-    assert len(dy) >= 40
+    assert len(dy) >= 40, 'too few features to compare with'
     at = found.at(pair.right.shape)[y.astype(int), x.astype(int)]
     before, after = np.median(np.abs(dy)), np.median(np.abs(dy - at))
-    assert found.largest_px >= 0.2
-    assert after <= 0.96 * before
+    assert found.largest_px <= 1.2
+    assert after <= before
+    if name in STRETCHED:
+        assert found.stretch_px == pytest.approx(STRETCHED[name], abs=0.25)
+        assert after <= 0.7 * before
     assert abs(np.median(dy - at)) <= 0.15
 
 
