@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """
 What the faults of real cameras cost: share of wrong pixels, one fault at a time.
 

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Faults that real cameras have, put into a clean pair one at a time."""
 
 from __future__ import annotations

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Real pairs of views in grey, with nothing but their size of range, and the faults of cameras."""
 
 from dataclasses import dataclass

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """What a pair of images says of the cameras that took it."""
 
 from stereo_refine_ros.health.external import fits_right_better, given_agreement

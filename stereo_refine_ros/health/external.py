@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """What an external map says of itself, beside the own match and the two views."""
 
 from __future__ import annotations

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """A coarse look at a pair that hardly matches: turned upside down, or exchanged."""
 
 from __future__ import annotations

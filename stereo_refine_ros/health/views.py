@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """What the two images say of their cameras, before anything is matched."""
 
 from __future__ import annotations

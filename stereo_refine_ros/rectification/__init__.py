@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The vertical disagreement of two rectified views: found in them, undone, followed in time."""
 
 from stereo_refine_ros.rectification.row_offset import (

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """A smooth surface of row offsets through matched points, some of which are wrong."""
 
 from __future__ import annotations

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The vertical disagreement of two views that should be rectified: found, and undone."""
 
 from __future__ import annotations

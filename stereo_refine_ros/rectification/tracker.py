@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The row offset of one camera over its frames: settled, and still able to follow a knock."""
 
 from __future__ import annotations

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The right view moved by a fraction of a row here and there: one pass, row by row."""
 
 from __future__ import annotations

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The faults of the benchmark do what they say; its table says what was measured."""
 
 import argparse

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """An external map beside the own match, and beside the two views."""
 
 import math

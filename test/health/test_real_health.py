@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Health of real pairs, and of the same pairs broken: a threshold between them exists."""
 
 import cv2

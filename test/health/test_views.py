@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Levels, noise, sharpness and contrast of made-up views, against what was put into them."""
 
 import math

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Row offsets put into real pairs are found and undone; those that real cameras have too."""
 
 import cv2

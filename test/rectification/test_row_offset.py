@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Row offsets of made-up pairs: found to a tenth of a row, undone, or left alone."""
 
 import cv2

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The offset in use over frames: still on a still camera, and right again after a knock."""
 
 import numpy as np

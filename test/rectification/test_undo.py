@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The warp that undoes a row offset: against its definition, at the border, in bands."""
 
 import cv2
