@@ -1,0 +1,44 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The constants of this folder: unit, effect.
+
+Measured on the lab and field scenes; held by test/health/test_real_pairs.py.
+"""
+
+# Every so many rows and columns are looked at for levels and sharpness.
+EVERY_ROW, EVERY_COLUMN = 4, 2
+# Side of the blocks that noise is measured in, pixels, and the distance of their corners.
+NOISE_BLOCK_PX, NOISE_EVERY_PX = 8, 16
+# The noise is that of the plainest blocks: this share of them is plainer still.
+NOISE_QUANTILE = 0.1
+# What that quantile of pure noise is of its standard deviation (without the texture, 8x8 pixels).
+NOISE_QUANTILE_OF_SIGMA = 0.84
+# Grey levels at the ends of the scale that count as black and white.
+BLACK, WHITE = 1, 254
+# A view of less contrast than this, grey levels, shows nothing: two such views are not compared.
+PLAIN = 1.0
+# The coarse look is taken at about this width, pixels.
+COARSE_WIDTH_PX = 160
+# Side of the blocks that are matched then, coarse pixels.
+COARSE_BLOCK_PX = 11
+# Within how many pixels an external map agrees with the own match.
+AGREE_PX = 2.0
+# An external map is of the other view where its error there is below this share of that here.
+CLEARLY_BETTER = 0.85
+# Gradient, grey levels a pixel, from which a pixel says where the map's view is.
+EDGE = 8.0
+# Gaussian by which the views are smoothed for that, pixels.
+EDGE_BLUR_PX = 1.0
