@@ -33,9 +33,9 @@ import multiprocessing
 from pathlib import Path
 import sys
 
-from field_peers import PEER, peer_maps
-from field_report import print_report, worse_rows
-from field_rows import as_json, FieldRow, measure_row
+from field_peers import peer_maps
+from field_report import print_report
+from field_rows import as_json, FieldRow, measure_row, PEER
 from field_scenes import (
     FieldScene, NETWORK, read_field_scene, scene_folders, SETS)
 from stereo_refine_ros.datasets import find_data
@@ -112,10 +112,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = Options(args.presets, args.maps, args.threads, args.peers or bool(
         args.contrib_python), args.contrib_python)
     rows = measure_all(tasks, options, args.workers)
-    print_report(rows)
+    worse = print_report(rows)
     if args.json:
         args.json.write_text(json.dumps(as_json(rows), indent=1, allow_nan=False) + '\n')
-    return 1 if args.check and worse_rows(rows) else 0
+    return 1 if args.check and worse else 0
 
 
 def _parser() -> argparse.ArgumentParser:

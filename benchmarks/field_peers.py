@@ -29,8 +29,9 @@ from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.refinement.filters import apply_filter
 from stereo_refine_ros.types import DisparityMap, FloatMap
 
-PEER = 'peer'
 SGBM_MEDIAN = 'SGBM 3-way + weighted median'
+# As OpenCV's own weighted median has them (radius 7, sigma 25.5): better here than the presets'.
+MEDIAN = {'filter.method': 'weighted_median', 'filter.radius': 7, 'filter.sigma_color': 25.5}
 CONTRIB = ('SGBM 3-way + WLS', 'SGBM 3-way + weighted median')
 
 
@@ -49,7 +50,7 @@ def peer_maps(scene: FieldScene, threads: int | None, contrib_python: str | None
     """Yield name and maps of every peer: the package's SGBM 3-way and weighted median first."""
     params = load_preset('live', {
         'matching.method': 'sgbm', 'matching.num_disparities': scene.num_disparities,
-        'planes.projection': 'off', 'filter.method': 'weighted_median'})
+        'planes.projection': 'off', **MEDIAN})
     result = StereoRefiner(params).process(scene.left, scene.right, threads=threads)
     given = fill_along_rows(result.preliminary.values)
     begin = time.perf_counter()

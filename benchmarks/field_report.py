@@ -20,7 +20,7 @@ from collections.abc import Iterable, Sequence
 import math
 import statistics
 
-from field_rows import BAD, bad_key, FieldRow
+from field_rows import BAD, bad_key, FieldRow, PEER
 from field_scenes import LAB
 from stereo_refine_ros.evaluation.tables import format_number, markdown_table
 
@@ -32,15 +32,17 @@ _CONFIDENCE_HEAD = (
 Group = tuple[str, str, str]
 
 
-def print_report(rows: Sequence[FieldRow]) -> None:
-    """Print all tables, and every scene that became worse."""
+def print_report(rows: Sequence[FieldRow]) -> list[FieldRow]:
+    """Print all tables, and every map of ours that became worse; return these."""
     for table in (error_table, threshold_table, confidence_table, scene_table):
         print(table(rows) + '\n')
-    worse = worse_rows(rows)
-    print(f'Worse by more than {WORSE} points: {len(worse)} of {len(rows)} maps')
+    ours = [row for row in rows if row.preset != PEER]
+    worse = worse_rows(ours)
+    print(f'Worse by more than {WORSE} points: {len(worse)} of {len(ours)} maps')
     for row in sorted(worse, key=lambda item: -item.harm):
         print(f'- {row.group} {row.scene}, {row.map}, {row.preset}: '
               f'{row.bad("given"):.2f} -> {row.bad("after"):.2f}')
+    return worse
 
 
 def worse_rows(rows: Sequence[FieldRow]) -> list[FieldRow]:

@@ -29,6 +29,7 @@ from stereo_refine_ros.types import DisparityMap, FloatMap
 
 BAD = (1.0, 2.0, 3.0)  # px
 REGIONS = ('all', 'nonocc')
+PEER = 'peer'  # stands for the preset where the method is not ours
 CONFIDENCE = tuple(item.name for item in fields(ConfidenceQuality))
 Figures = dict[str, float]
 

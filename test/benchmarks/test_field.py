@@ -14,6 +14,7 @@
 
 """The field benchmark: reading every kind of truth, its figures and its tables."""
 
+from dataclasses import replace
 import json
 import math
 from types import SimpleNamespace
@@ -157,6 +158,14 @@ def test_tables_say_what_became_worse():
     assert '50.00 -> 25.00 | 25.00 -> 0.00 |' not in field_report.threshold_table(rows)
     assert '| 50.00 -> 25.00 | 0.00 -> 0.00 | 0.00 -> 0.00 |' in (
         field_report.threshold_table(rows))
+
+
+def test_peers_are_not_counted_among_the_worse(capsys):
+    ours, worse = rows_of_two_scenes()
+    assert field_report.print_report([ours, replace(worse, preset='peer')]) == []
+    assert 'Worse by more than 0.1 points: 0 of 1 maps' in capsys.readouterr().out
+    assert field_report.print_report([ours, worse]) == [worse]
+    assert '- kitti2012 a, own, live: 0.00 -> 25.00' in capsys.readouterr().out
 
 
 def test_confidence_is_averaged_over_all_sets_but_the_lab():
