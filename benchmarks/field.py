@@ -40,6 +40,7 @@ from field_scenes import (
     FieldScene, NETWORK, read_field_scene, scene_folders, SETS)
 from stereo_refine_ros.datasets import find_data
 from stereo_refine_ros.evaluation.progress import Progress
+from stereo_refine_ros.memory import keep_freed_memory
 from stereo_refine_ros.params import load_preset, PRESETS
 from stereo_refine_ros.pipeline import StereoRefiner
 
@@ -94,11 +95,13 @@ def measure_all(tasks: Sequence[tuple[Path, str]], options: Options, workers: in
             progress.step(f'{task[1]} {task[0].name}')
 
         if workers == 1:
+            keep_freed_memory()
             for task in tasks:
                 keep(measure(task), task)
             return rows
         context = multiprocessing.get_context('spawn')
-        with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        with ProcessPoolExecutor(
+                workers, mp_context=context, initializer=keep_freed_memory) as pool:
             for task, found in zip(tasks, pool.map(measure, tasks), strict=True):
                 keep(found, task)
     return rows

@@ -19,6 +19,7 @@ import json
 import math
 from types import SimpleNamespace
 
+from cases import field_cases, FIELD_SETS
 import cv2
 import field
 import field_report
@@ -97,6 +98,20 @@ def test_scenes_are_found_in_order_and_missing_ones_are_said(tmp_path):
     assert [path.name for path in scene_folders(tmp_path, 'lab')] == ['cones']
     with pytest.raises(FileNotFoundError, match='--data names the folder'):
         scene_folders(tmp_path, 'kitti2012')
+
+
+def test_speed_takes_the_scenes_of_a_cameras_width(tmp_path):
+    for group in FIELD_SETS:
+        for name, width in (('small', 599), ('wide', 600)):
+            folder = write_scene(tmp_path / 'field' / group / name,
+                                 np.full((2, width), 12, np.uint8), disp_scale=4)
+            for side in ('left', 'right'):
+                cv2.imwrite(str(folder / f'{side}.png'), np.zeros((2, width, 3), np.uint8))
+    cases = list(field_cases(tmp_path))
+    assert [(case.scene, case.size, case.threshold) for case in cases] == [
+        ('wide', 'Middlebury, about 700x500', 1.0), ('wide', 'ETH3D, about 900x450', 1.0),
+        ('wide', 'KITTI (3 px), about 1240x375', 3.0)]
+    assert (cases[0].truth == 3).all()
 
 
 def test_holes_take_the_farther_neighbour_of_their_row():
