@@ -28,6 +28,7 @@ from field_scenes import (
     FieldScene, fill_along_rows, read_field_scene, read_network, scene_folders)
 import numpy as np
 import pytest
+from real_scenes import real_scene_folder
 from stereo_refine_ros.types import DisparityMap
 
 VIEW = np.full((2, 4, 3), 90, np.uint8)
@@ -117,6 +118,21 @@ def test_speed_takes_the_scenes_of_a_cameras_width(tmp_path):
 def test_holes_take_the_farther_neighbour_of_their_row():
     values = np.float32([[NAN, 5, NAN, 3], [8, NAN, NAN, 9], [NAN] * 4])
     assert fill_along_rows(values).tolist() == [[5, 5, 3, 3], [8, 8, 8, 9], [0] * 4]
+
+
+@pytest.mark.parametrize(('name', 'known', 'wrong'), [
+    ('kitti2012/000000_10', 0.3509, 0.36), ('eth3d/delivery_area_3l', 0.8916, 0.03),
+    ('middlebury/Motorcycle', 0.9791, 11.21)])
+def test_real_truth_is_as_dense_as_its_data_set_says_and_the_network_near(
+        name, known, wrong):
+    folder = real_scene_folder(f'../field/{name}')
+    read = read_field_scene(folder, folder.parent.name)
+    assert np.isfinite(read.truth).mean() == pytest.approx(known, abs=1e-4)
+    row = measure_row(read, 'hitnet', 'live', SimpleNamespace(
+        preliminary=DisparityMap(read.network, 0, read.num_disparities),
+        disparity=DisparityMap(read.network, 0, read.num_disparities),
+        confidence=np.zeros((0, 0)), total_ms=0.0))
+    assert row.bad('given') == pytest.approx(wrong, abs=0.01)
 
 
 def test_row_counts_wrong_pixels_of_the_filled_maps():
