@@ -35,6 +35,7 @@ import numpy as np
 from opencv_methods import BASE, plain_methods
 from report import growth_table, method_table, plot, stage_table
 from stereo_refine_ros.datasets import find_data
+from stereo_refine_ros.evaluation.progress import Progress
 from stereo_refine_ros.matching import MATCHERS
 from stereo_refine_ros.params import load_preset, PRESETS
 from stereo_refine_ros.pipeline import StereoRefiner
@@ -163,8 +164,10 @@ def main() -> None:
     """Measure, print, draw."""
     options = parse()
     rows: list[Row] = []
-    for case in chosen_cases(options):
-        rows += measure_case(case, options)
+    with Progress() as progress:
+        for case in chosen_cases(options):
+            rows += measure_case(case, options)
+            progress.step(f'{case.size} {case.scene}')
     print(method_table(rows))
     print(stage_table(rows))
     if options.growth and options.scenes == 'sizes':
