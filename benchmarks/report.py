@@ -96,7 +96,7 @@ def plot(rows: Sequence[Any], path: Path) -> None:
     for axis, size in zip(axes[0], sizes, strict=True):
         _panel(axis, [row for row in rows if row.size == size and row.bad is not None])
         axis.set_title(size)
-    axes[0][0].set_ylabel('wrong by more than 1 px unless said, % (mean of scenes)')
+    axes[0][0].set_ylabel('wrong by more than 1 px (KITTI 3), mean %')
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, metadata={'Date': None} if path.suffix == '.svg' else None)
 
