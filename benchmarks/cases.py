@@ -16,9 +16,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
+from field_scenes import read_field_scene, scene_folders, THRESHOLDS
 import numpy as np
 from stereo_refine_ros.datasets.middlebury import load_scene
 from stereo_refine_ros.types import FloatMap, Image
@@ -26,17 +29,26 @@ from stereo_refine_ros.types import FloatMap, Image
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A pair, its true disparity and the number of disparities to search."""
+    """
+    A pair, its true disparity and the number of disparities to search.
+
+    `group` names what it is averaged with, where sizes differ by a little; `threshold` is what
+    counts as wrong, in pixels.
+    """
 
     scene: str
     left: Image
     right: Image
     truth: FloatMap
     num_disparities: int
+    group: str = ''
+    threshold: float = 1.0
 
     @property
     def size(self) -> str:
-        """Width x height x disparities."""
+        """Width x height x disparities; the group where there is one."""
+        if self.group:
+            return self.group
         height, width = self.truth.shape
         return f'{width}x{height}x{self.num_disparities}'
 
@@ -51,6 +63,30 @@ CASES = (
     ('Adirondack', 1280, 720, 128),
     ('venus', 1280, 720, 128),
 )
+
+
+# Sets of field scenes, and how they are called in tables. Their smaller scenes are left out.
+FIELD_SETS = {'middlebury': 'Middlebury, about 700x500', 'eth3d': 'ETH3D, about 900x450',
+              'kitti2012': 'KITTI (3 px), about 1240x375'}
+_CAMERA_WIDTH = 600
+
+
+def field_cases(root: Path) -> Iterator[Case]:
+    """
+    Yield the field scenes of at least 600 columns as they are.
+
+    Parameters
+    ----------
+    root : Path
+        Holds `field/`.
+
+    """
+    for group, name in FIELD_SETS.items():
+        for folder in scene_folders(root, group):
+            scene = read_field_scene(folder, group)
+            if scene.truth.shape[1] >= _CAMERA_WIDTH:
+                yield Case(scene.name, scene.left, scene.right, scene.truth,
+                           scene.num_disparities, name, THRESHOLDS[group])
 
 
 def load_case(name: str, width: int, height: int, num_disparities: int) -> Case:

@@ -31,6 +31,7 @@ import numpy as np
 from timing import time_rounds
 
 BASE = 'SGBM 3-way'
+WLS_CONFIDENCE = 'WLS confidence'
 BLOCK = 5
 Views = tuple[np.ndarray, np.ndarray]
 
@@ -66,17 +67,23 @@ def match_padded(views: Views, num_disparities: int) -> np.ndarray:
     return match(pad(views, num_disparities), num_disparities, mode)[:, num_disparities:]
 
 
-def match_wls(views: Views, num_disparities: int) -> np.ndarray:
-    """Match left and right, and smooth by weighted least squares."""
+def wls(views: Views, num_disparities: int) -> tuple[np.ndarray, np.ndarray]:
+    """Match left and right, and smooth by weighted least squares; return its confidence too."""
     left, right = pad(views, num_disparities)
     matcher = sgbm(num_disparities, cv2.STEREO_SGBM_MODE_SGBM_3WAY)
-    wls = cv2.ximgproc.createDisparityWLSFilter(matcher)
-    wls.setLambda(8000.0)
-    wls.setSigmaColor(1.5)
+    smoother = cv2.ximgproc.createDisparityWLSFilter(matcher)
+    smoother.setLambda(8000.0)
+    smoother.setSigmaColor(1.5)
     right_matcher = cv2.ximgproc.createRightMatcher(matcher)
-    filtered = wls.filter(
+    filtered = smoother.filter(
         matcher.compute(left, right), left, None, right_matcher.compute(right, left))
-    return to_pixels(filtered)[:, num_disparities:]
+    confidence = smoother.getConfidenceMap().astype(np.float32) / 255.0
+    return to_pixels(filtered)[:, num_disparities:], confidence[:, num_disparities:]
+
+
+def match_wls(views: Views, num_disparities: int) -> np.ndarray:
+    """Match left and right, and smooth by weighted least squares."""
+    return wls(views, num_disparities)[0]
 
 
 def fill_rows(values: np.ndarray) -> np.ndarray:
@@ -126,8 +133,10 @@ def main() -> None:
     parser.add_argument('--budget', type=float, default=10.0, help='seconds per method')
     options = parser.parse_args()
     pair = np.load(options.pair)
-    methods = contrib_methods((pair['left'], pair['right']), int(pair['num_disparities']))
-    times, results = time_rounds(methods, options.rounds, options.budget)
+    views, num_disparities = (pair['left'], pair['right']), int(pair['num_disparities'])
+    times, results = time_rounds(
+        contrib_methods(views, num_disparities), options.rounds, options.budget)
+    results[WLS_CONFIDENCE] = wls(views, num_disparities)[1]
     np.savez(options.output, **results)
     print(json.dumps({'version': cv2.__version__, 'times': times}))
 

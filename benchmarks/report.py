@@ -39,7 +39,7 @@ def _markdown(head: Sequence[str], body: Iterable[Sequence[str]]) -> str:
 def method_table(rows: Sequence[Any]) -> str:
     """Write time, spread, ratio and error of every method on every pair."""
     return _markdown(
-        ('size', 'scene', 'method', 'median ms', 'quartiles ms', 'x SGBM 3-way', 'bad-1.0 %'),
+        ('size', 'scene', 'method', 'median ms', 'quartiles ms', 'x SGBM 3-way', 'wrong %'),
         ((row.size, row.scene, row.method, f'{row.ms[1]:.1f}',
           f'{row.ms[0]:.1f} - {row.ms[2]:.1f}', f'{row.ratio:.2f}',
           '-' if row.bad is None else f'{row.bad:.2f}') for row in rows))
@@ -96,7 +96,7 @@ def plot(rows: Sequence[Any], path: Path) -> None:
     for axis, size in zip(axes[0], sizes, strict=True):
         _panel(axis, [row for row in rows if row.size == size and row.bad is not None])
         axis.set_title(size)
-    axes[0][0].set_ylabel('wrong by more than 1 px, % (mean of scenes)')
+    axes[0][0].set_ylabel('wrong by more than 1 px (KITTI 3), mean %')
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, metadata={'Date': None} if path.suffix == '.svg' else None)
 

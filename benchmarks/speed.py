@@ -17,22 +17,25 @@ Speed beside error, beside OpenCV's own methods, all in one run.
 
 Prints Markdown tables and draws the plot of README.md. Times are medians of rounds in which
 every method has its turn; ratios are to OpenCV's SGBM 3-way of the same run. Errors are the
-share of pixels with known truth that are off by more than 1 px, holes filled from the background.
+share of pixels with known truth that are off by more than 1 px (KITTI 3 px), holes filled from
+the background.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cases import Case, CASES, load_case
+from cases import Case, CASES, field_cases, load_case
 from contrib import run_contrib
 import numpy as np
 from opencv_methods import BASE, plain_methods
 from report import growth_table, method_table, plot, stage_table
+from stereo_refine_ros.datasets import find_data
+from stereo_refine_ros.evaluation.progress import Progress
 from stereo_refine_ros.matching import MATCHERS
 from stereo_refine_ros.memory import keep_freed_memory
 from stereo_refine_ros.params import load_preset, PRESETS
@@ -45,7 +48,7 @@ from timing import quartiles, time_rounds
 
 @dataclass
 class Row:
-    """One method on one case: quartiles in ms, ratio to the base, bad-1.0 in percent."""
+    """One method on one case: quartiles in ms, ratio to the base, wrong pixels in percent."""
 
     scene: str
     size: str
@@ -107,7 +110,8 @@ def _row(case: Case, name: str, times: dict[str, list[float]], result: Any,
     if isinstance(result, RefinementResult):
         result = result.disparity.values
     is_map = result.dtype == np.float32
-    bad = bad_percent(fill_from_background(result), case.truth, 1.0) if is_map else None
+    bad = bad_percent(
+        fill_from_background(result), case.truth, case.threshold) if is_map else None
     ratio = quartiles(times[name])[1] / quartiles(times[BASE])[1]
     return Row(case.scene, case.size, name, quartiles(times[name]), ratio, bad, stages)
 
@@ -134,6 +138,10 @@ def parse() -> argparse.Namespace:
     parser.add_argument('--rounds', type=int, default=15)
     parser.add_argument('--budget', type=float, default=10.0, help='seconds per method and pair')
     parser.add_argument('--size', help='only this size, such as 640x480x64')
+    parser.add_argument('--scenes', choices=('sizes', 'field'), default='sizes',
+                        help='lab scenes at the sizes of cameras, or the field scenes as they are')
+    parser.add_argument('--data', type=Path,
+                        help='folder that holds field/; default: ../shared')
     parser.add_argument('--no-matchers', dest='matchers', action='store_false',
                         help='leave out the live preset with other matchers')
     parser.add_argument('--no-growth', dest='growth', action='store_false',
@@ -143,17 +151,28 @@ def parse() -> argparse.Namespace:
     return parser.parse_args()
 
 
+def chosen_cases(options: argparse.Namespace) -> Iterator[Case]:
+    """Yield the pairs that the command line asks for."""
+    if options.scenes == 'field':
+        yield from field_cases(options.data or find_data().parent)
+        return
+    for name, width, height, disparities in CASES:
+        if options.size in (None, f'{width}x{height}x{disparities}'):
+            yield load_case(name, width, height, disparities)
+
+
 def main() -> None:
     """Measure, print, draw."""
     keep_freed_memory()
     options = parse()
     rows: list[Row] = []
-    for name, width, height, disparities in CASES:
-        if options.size in (None, f'{width}x{height}x{disparities}'):
-            rows += measure_case(load_case(name, width, height, disparities), options)
+    with Progress() as progress:
+        for case in chosen_cases(options):
+            rows += measure_case(case, options)
+            progress.step(f'{case.size} {case.scene}')
     print(method_table(rows))
     print(stage_table(rows))
-    if options.growth:
+    if options.growth and options.scenes == 'sizes':
         print(growth_table(measure_growth(options)))
     if options.plot:
         plot(rows, options.plot)

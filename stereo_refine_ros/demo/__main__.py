@@ -111,7 +111,7 @@ def _run(options: argparse.Namespace, scene: Scene, source: list[str], output: P
         rclpy.try_shutdown()
     doffs = scene.geometry.doffs_px if scene.geometry else 0.0
     files = write_pictures(output, scene, frame.preliminary - doffs, frame.refined - doffs,
-                           frame.labels, frame.metrics)
+                           frame.labels, frame.metrics, frame.confidence)
     print(summary_line(frame.metrics))
     print(f'{len(collector.history)} frames; pictures in {output}/: '
           + ', '.join(path.name for path in files))

@@ -32,6 +32,8 @@ from stereo_refine_ros.types import FloatMap, LabelMap
 _KIND_OF: dict[str, Any] = {
     'disparity': DisparityImage, 'disparity/preliminary': DisparityImage, 'segments': Image,
     'metrics': DiagnosticArray}
+# Taken where the node publishes it; a frame is whole without it.
+_CONFIDENCE = 'confidence'
 _KEPT_FRAMES = 20
 
 
@@ -47,6 +49,8 @@ class DemoFrame:
     labels : int32 ndarray of shape (H, W)
         Segments.
     metrics : dict of str to float
+    confidence : float32 ndarray of shape (H, W), or None
+        0..1; None where the node did not publish it.
 
     """
 
@@ -54,6 +58,7 @@ class DemoFrame:
     refined: FloatMap
     labels: LabelMap
     metrics: dict[str, float]
+    confidence: FloatMap | None = None
 
 
 class Collector(Node):
@@ -66,7 +71,7 @@ class Collector(Node):
         self._by_stamp: dict[tuple[int, int], dict[str, Any]] = {}
         self._whole: dict[str, Any] | None = None
         self.history: list[dict[str, float]] = []
-        for topic, kind in _KIND_OF.items():
+        for topic, kind in {**_KIND_OF, _CONFIDENCE: Image}.items():
             self.create_subscription(kind, topic, self._keeper(topic), 10)
 
     def spin_for(self, seconds: float) -> None:
@@ -83,12 +88,14 @@ class Collector(Node):
         """The newest frame of which every output came."""
         if self._whole is None:
             return None
-        labels = self._whole['segments']
+        labels, confidence = self._whole['segments'], self._whole.get(_CONFIDENCE)
         return DemoFrame(
             read_disparity('disparity/preliminary', self._whole['disparity/preliminary']).values,
             read_disparity('disparity', self._whole['disparity']).values,
             np.frombuffer(labels.data, np.int32).reshape(labels.height, labels.width),
-            _figures(self._whole['metrics']))
+            _figures(self._whole['metrics']),
+            None if confidence is None else np.frombuffer(
+                confidence.data, np.float32).reshape(confidence.height, confidence.width))
 
     def _keeper(self, topic: str) -> Any:
         def keep(message: Any) -> None:
@@ -97,7 +104,7 @@ class Collector(Node):
             outputs[topic] = message
             if topic == 'metrics':
                 self._note(_figures(message))
-            if len(outputs) == len(_KIND_OF) and self._is_measured(outputs['metrics']):
+            if _KIND_OF.keys() <= outputs.keys() and self._is_measured(outputs['metrics']):
                 self._whole = outputs
             while len(self._by_stamp) > _KEPT_FRAMES:
                 del self._by_stamp[next(iter(self._by_stamp))]

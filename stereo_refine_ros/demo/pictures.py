@@ -25,18 +25,20 @@ import numpy as np
 from stereo_refine_ros.datasets.scene import Scene
 from stereo_refine_ros.demo.table import format_value, MEASURES
 from stereo_refine_ros.evaluation.pictures import (
-    color_disparity, color_error, draw_segments, ERROR_LIMIT)
+    color_confidence, color_disparity, color_error, draw_segments, ERROR_LIMIT)
 from stereo_refine_ros.types import FloatMap, Image, LabelMap, PlaneSegmentation
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _INK, _PAPER, _MUTED = (30, 30, 30), (255, 255, 255), (110, 110, 110)
 _LABEL_HEIGHT, _GAP = 34, 8
-_SHEET_COLUMNS = 4
+_SHEET_COLUMNS = 3
+_BAR_STEP, _ROW_STEP = 36, 18
 _SMALLEST_TILE = 440
 
 
 def write_pictures(folder: Path, scene: Scene, preliminary: FloatMap, refined: FloatMap,
-                   labels: LabelMap, metrics: Mapping[str, float]) -> list[Path]:
+                   labels: LabelMap, metrics: Mapping[str, float],
+                   confidence: FloatMap | None = None) -> list[Path]:
     """
     Write every picture and the sheet into `folder`; return the files.
 
@@ -52,6 +54,8 @@ def write_pictures(folder: Path, scene: Scene, preliminary: FloatMap, refined: F
         Segments.
     metrics : mapping of str to float
         Of the same frame, for the figures on the sheet.
+    confidence : float32 ndarray of shape (H, W), optional
+        Of the refined map, 0..1; without it there is no such picture.
 
     """
     low, high = _range(scene, refined)
@@ -60,10 +64,11 @@ def write_pictures(folder: Path, scene: Scene, preliminary: FloatMap, refined: F
              'refined': ('refined disparity', color_disparity(refined, low, high))}
     if scene.truth is not None:
         tiles['ground_truth'] = ('ground truth', color_disparity(scene.truth, low, high))
-    tiles['segments'] = ('segments', _segments(scene.pair.left, labels))
-    if scene.truth is not None:
         for name, values in (('preliminary', preliminary), ('refined', refined)):
             tiles[f'error_{name}'] = (f'error of {name}', color_error(values, scene.truth))
+    tiles['segments'] = ('segments', _segments(scene.pair.left, labels))
+    if confidence is not None:
+        tiles['confidence'] = ('confidence of refined', color_confidence(confidence))
     files = []
     for name, (_, picture) in tiles.items():
         files.append(_write(folder / f'{name}.png', picture))
@@ -123,12 +128,13 @@ def _legend(shape: tuple[int, ...], low: float, high: float,
     bars = (('disparity', color_disparity(low + ramp * (high - low), low, high),
              f'{low:.0f} px', f'{high:.0f} px', 'black: none'),
             ('error', color_error(ramp * ERROR_LIMIT, np.zeros_like(ramp)), '0',
-             f'{ERROR_LIMIT:.0f} px and more', 'grey: unknown'))
+             f'{ERROR_LIMIT:.0f} px and more', 'grey: unknown'),
+            ('confidence', color_confidence(ramp), '0', '1', 'of being within 1 px'))
     top = 24
     for name, bar, first, last, note in bars:
         _text(panel, f'{name}: {first} to {last} ({note})', (12, top), 0.48, _INK)
         panel[top + 7:top + 21, 12:width - 12] = bar
-        top += 42
+        top += _BAR_STEP
     _measures(panel, top + 4, metrics)
     return panel
 
@@ -141,12 +147,12 @@ def _measures(panel: Image, top: int, metrics: Mapping[str, float]) -> None:
         before, after = metrics.get(f'{name}_preliminary'), metrics.get(f'{name}_refined')
         if before is None or after is None:
             continue
-        top += 20
+        top += _ROW_STEP
         texts = (f'{label} {f"({unit})" if unit else ""}', format_value(before),
                  format_value(after))
         for x, text in zip(columns, texts, strict=True):
             _text(panel, text, (x, top), 0.46, _INK)
-    top += 25
+    top += _ROW_STEP + 5
     _text(panel, f'{format_value(metrics.get("total_ms"))} ms a frame, '
           f'{format_value(metrics.get("segments"))} segments, '
           f'{format_value(metrics.get("planes_fitted"))} planes', (12, top), 0.46, _MUTED)

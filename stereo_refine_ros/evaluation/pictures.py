@@ -31,6 +31,7 @@ ERROR_LIMIT = 4.0  # px, the end of the error colours
 _UNKNOWN = (128, 128, 128)
 _ERROR_STOPS = np.array([[245, 247, 247], [158, 212, 253], [72, 101, 239], [0, 0, 127]])
 _WEBP_QUALITY = 88
+_CONFIDENCE_COLORS = cv2.COLORMAP_MAGMA
 
 
 def color_disparity(values: FloatMap, low: float, high: float) -> Image:
@@ -54,6 +55,21 @@ def color_error(values: FloatMap, truth: FloatMap) -> Image:
     picture[~np.isfinite(values)] = 0
     picture[~np.isfinite(truth)] = _UNKNOWN
     return picture
+
+
+def color_confidence(confidence: FloatMap) -> Image:
+    """
+    Colour a confidence from 0 (black) over purple and orange to 1 (light yellow).
+
+    Parameters
+    ----------
+    confidence : float32 ndarray of shape (H, W), 0..1
+        NaN counts as 0. Magma keeps its order for colour-blind readers and in grey print, and
+        looks like none of the other pictures.
+
+    """
+    level = np.clip(np.rint(np.nan_to_num(confidence, nan=0.0) * 255), 0, 255)
+    return np.asarray(cv2.applyColorMap(level.astype(np.uint8), _CONFIDENCE_COLORS), np.uint8)
 
 
 def draw_segments(left: Image, segments: PlaneSegmentation) -> Image:
@@ -107,13 +123,22 @@ def data_uri(picture: Image) -> str:
 
 def disparity_gradient() -> str:
     """Return the disparity colours as CSS colour stops."""
-    ramp = cv2.applyColorMap(np.linspace(0, 255, 9).astype(np.uint8)[None], cv2.COLORMAP_VIRIDIS)
-    return _css_stops(ramp[0])
+    return _map_stops(cv2.COLORMAP_VIRIDIS)
+
+
+def confidence_gradient() -> str:
+    """Return the confidence colours as CSS colour stops."""
+    return _map_stops(_CONFIDENCE_COLORS)
 
 
 def error_gradient() -> str:
     """Return the error colours as CSS colour stops."""
     return _css_stops(_ERROR_STOPS)
+
+
+def _map_stops(color_map: int) -> str:
+    ramp = np.linspace(0, 255, 9).astype(np.uint8)[None]
+    return _css_stops(cv2.applyColorMap(ramp, color_map)[0])
 
 
 def _css_stops(colors: NDArray) -> str:

@@ -22,19 +22,24 @@ from pathlib import Path
 
 import numpy as np
 
+from stereo_refine_ros.evaluation.confidence_plot import (
+    CONFIDENCE_GUIDE, confidence_row, confidence_table, reliability_svg, sparsification_svg)
 from stereo_refine_ros.evaluation.pictures import (
-    color_disparity, color_error, data_uri, disparity_gradient, draw_segments, error_gradient,
-    ERROR_LIMIT)
+    color_confidence, color_disparity, color_error, confidence_gradient, data_uri,
+    disparity_gradient, draw_segments, error_gradient, ERROR_LIMIT)
 from stereo_refine_ros.evaluation.runner import Outcome, Row
 from stereo_refine_ros.evaluation.style import STYLE
 from stereo_refine_ros.evaluation.tables import (
     check_claim, claim_text, compare, Comparison, format_number, improves)
+from stereo_refine_ros.quality.confidence import (
+    judged_pixels, reliability, sparsification_curve)
 from stereo_refine_ros.types import Image
 
 _FIGURES = (
     ('mse', 'MSE', 1), ('psnr', 'PSNR dB', 2), ('ssim', 'SSIM', 4),
     ('mse_all_pixels', 'MSE all pixels', 1), ('bad_0_5', 'bad 0.5 %', 2),
-    ('bad_1_0', 'bad 1.0 %', 2), ('bad_2_0', 'bad 2.0 %', 2), ('avg_error', 'avg px', 3),
+    ('bad_1_0', 'bad 1.0 %', 2), ('bad_2_0', 'bad 2.0 %', 2), ('bad_3_0', 'bad 3.0 %', 2),
+    ('avg_error', 'avg px', 3),
     ('nonocc', 'nonocc %', 2), ('all', 'all %', 2), ('disc', 'disc %', 2))
 
 _HOW_TO_READ = """
@@ -57,10 +62,13 @@ class Report:
         self._command = command
         self._rows: list[Row] = []
         self._pictures: dict[str, list[str]] = {}
+        self._confidence: list[str] = []
 
     def add(self, outcome: Outcome) -> None:
         """Add one combination: its rows, and its pictures under its scene."""
         self._rows.extend(outcome.rows)
+        if _has_confidence(outcome):
+            self._confidence.append(_confidence_row(outcome))
         scene = self._pictures.setdefault(outcome.scene.name, [])
         if not scene:
             scene.append(_legend(outcome))
@@ -81,6 +89,7 @@ class Report:
             f'<h1>{escape(self._title)}</h1><pre class="command">{escape(self._command)}</pre>'
             f'<h2>Summary</h2>{_summary(self._rows)}'
             f'<h2>Tables</h2>{_HOW_TO_READ}{_tables(self._rows)}'
+            f'<h2>Confidence</h2>{CONFIDENCE_GUIDE}{confidence_table(self._confidence)}'
             f'<h2>Pictures</h2>{pictures}</main></body></html>\n')
 
 
@@ -123,12 +132,28 @@ def _cell(pair: Comparison, name: str, digits: int) -> str:
             f'<b class="{style}">{format_number(after, digits)} {mark}</b></td>')
 
 
+def _has_confidence(outcome: Outcome) -> bool:
+    return outcome.after.confidence.shape == outcome.after.disparity.values.shape
+
+
+def _confidence_row(outcome: Outcome) -> str:
+    scene, after = outcome.scene, outcome.after
+    assert scene.truth is not None
+    sure, wrong = judged_pixels(after.confidence, after.disparity.values, scene.truth, 1.0,
+                                scene.masks.get('all'))
+    return confidence_row(
+        scene.name, str(outcome.combination), outcome.rows[-1],
+        sparsification_svg(sparsification_curve(sure, wrong), wrong),
+        reliability_svg(reliability(sure, wrong)))
+
+
 def _legend(outcome: Outcome) -> str:
     low, high = _range(outcome)
     return (
         '<div class="legend">'
         + _bar(disparity_gradient(), f'{low:.0f} px', f'{high:.0f} px disparity')
         + _bar(error_gradient(), '0 px', f'{ERROR_LIMIT:.0f} px and more error')
+        + _bar(confidence_gradient(), '0', '1 confidence')
         + '<span>black: hole; grey in errors: unknown truth</span></div>')
 
 
@@ -160,9 +185,11 @@ def outcome_pictures(outcome: Outcome, with_scene: bool) -> dict[str, Image]:
     before, after = outcome.before.disparity.values, outcome.after.disparity.values
     pictures = {'left view': scene.pair.left,
                 'ground truth': color_disparity(scene.truth, low, high)} if with_scene else {}
+    confidence = ({'confidence after': color_confidence(outcome.after.confidence)}
+                  if _has_confidence(outcome) else {})
     return {**pictures, 'before': color_disparity(before, low, high),
             'after': color_disparity(after, low, high),
             'error before': color_error(before, scene.truth),
-            'error after': color_error(after, scene.truth),
+            'error after': color_error(after, scene.truth), **confidence,
             'segments, planes edged white': draw_segments(
                 scene.pair.left, outcome.after.segments)}

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 import math
 from statistics import median
 from typing import Any
@@ -27,6 +27,7 @@ import numpy as np
 from stereo_refine_ros.datasets.scene import Scene
 from stereo_refine_ros.params import load_preset, Params
 from stereo_refine_ros.pipeline import StereoRefiner
+from stereo_refine_ros.quality.confidence import ConfidenceQuality, measure_confidence
 from stereo_refine_ros.quality.disparity_errors import bad_percent
 from stereo_refine_ros.quality.image_metrics import default_scale
 from stereo_refine_ros.quality.summary import measure_against_truth
@@ -37,6 +38,7 @@ Row = dict[str, Any]
 
 STAGES = ('preliminary', 'before', 'after')
 REGIONS = ('nonocc', 'all', 'disc')
+CONFIDENCE = tuple(item.name for item in fields(ConfidenceQuality))
 _STAGES_OF_NORMAL_FLOW = ('matching', 'filter')
 
 
@@ -143,7 +145,9 @@ def evaluate_scene(scene: Scene, plan: Plan) -> Iterator[Outcome]:
                  'after': after_ms}
         maps = {'preliminary': before.preliminary.values, 'before': before.disparity.values,
                 'after': after.disparity.values}
-        rows = [_row(scene, combination, stage, maps[stage], times[stage]) for stage in STAGES]
+        confidence = {'preliminary': None, 'before': before.confidence, 'after': after.confidence}
+        rows = [{**_row(scene, combination, stage, maps[stage], times[stage]),
+                 **judge_confidence(confidence[stage], maps[stage], scene)} for stage in STAGES]
         yield Outcome(scene, combination, before, after, rows)
 
 
@@ -179,6 +183,24 @@ def measure_stage(values: FloatMap, scene: Scene) -> dict[str, float | None]:
         figures[region] = (
             None if mask is None else bad_percent(filled, scene.truth, 1.0, mask))
     return figures
+
+
+def judge_confidence(confidence: FloatMap | None, values: FloatMap, scene: Scene
+                     ) -> dict[str, float | None]:
+    """
+    Measure the confidence of a map at 1 px, over the region `all` of its scene.
+
+    Returns
+    -------
+    dict
+        The fields of `ConfidenceQuality`; None where there is no confidence of this map.
+
+    """
+    if confidence is None or confidence.shape != values.shape:
+        return dict.fromkeys(CONFIDENCE)
+    assert scene.truth is not None
+    return asdict(measure_confidence(
+        confidence, values, scene.truth, 1.0, scene.masks.get('all')))
 
 
 def _run(scene: Scene, params: Params, repeat: int

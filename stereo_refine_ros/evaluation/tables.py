@@ -28,7 +28,8 @@ V2_REGIONS = ('nonocc', 'all', 'disc')
 
 _TERMINAL_COLUMNS = (
     ('mse', 1), ('mse_all_pixels', 1), ('psnr', 2), ('ssim', 4), ('bad_0_5', 2), ('bad_1_0', 2),
-    ('bad_2_0', 2), ('avg_error', 3), ('nonocc', 2), ('all', 2), ('disc', 2), ('density', 3))
+    ('bad_2_0', 2), ('bad_3_0', 2), ('avg_error', 3), ('nonocc', 2), ('all', 2), ('disc', 2),
+    ('density', 3), ('confidence_area', 4), ('sure_share', 3), ('sure_wrong', 3))
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from stereo_refine_ros.datasets import iterate_folder
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.frame import measure_frame
-from stereo_refine_ros.quality.temporal import temporal_noise, unchanged_pixels
+from stereo_refine_ros.quality.temporal import compare_noise, TemporalNoise
 from stereo_refine_ros.types import RefinementResult, StereoPair
 
 FrameRow = dict[str, float]
@@ -63,7 +63,7 @@ def measure_video(frames: Iterable[Frame], params: Params,
     dict of str to float
         'time', the figures of `measure_frame`, and the temporal noise since the frame before:
         'temporal_noise_preliminary' and 'temporal_noise_refined' in pixels, both over the same
-        pixels (image unchanged, preliminary map valid in both frames), and their share
+        pixels (image unchanged, both maps valid in both frames), and their share
         'unchanged_ratio'. These are NaN for the first frame and after a change of size.
 
     """
@@ -144,17 +144,11 @@ def average(rows: Sequence[FrameRow]) -> FrameRow:
 
 def _flicker(previous: tuple[StereoPair, RefinementResult] | None,
              current: tuple[StereoPair, RefinementResult]) -> FrameRow:
-    row = {'temporal_noise_preliminary': math.nan, 'temporal_noise_refined': math.nan,
-           'unchanged_ratio': math.nan}
-    if previous is None or previous[0].left.shape != current[0].left.shape:
-        return row
-    (old_pair, old), (pair, new) = previous, current
-    counted = unchanged_pixels(old_pair.left, pair.left)
-    # The same pixels for both maps: filling holes is neither punished nor praised here.
-    counted &= old.preliminary.valid & new.preliminary.valid
-    row['unchanged_ratio'] = float(np.count_nonzero(counted)) / counted.size
-    row['temporal_noise_preliminary'] = temporal_noise(
-        old.preliminary.values, new.preliminary.values, counted)
-    row['temporal_noise_refined'] = temporal_noise(
-        old.disparity.values, new.disparity.values, counted)
-    return row
+    noise = TemporalNoise(math.nan, math.nan, math.nan)
+    if previous is not None and previous[0].left.shape == current[0].left.shape:
+        (old_pair, old), (pair, new) = previous, current
+        noise = compare_noise(
+            (old_pair.left, pair.left), (old.preliminary.values, new.preliminary.values),
+            (old.disparity.values, new.disparity.values))
+    return {'temporal_noise_preliminary': noise.preliminary,
+            'temporal_noise_refined': noise.refined, 'unchanged_ratio': noise.unchanged_ratio}

@@ -36,8 +36,8 @@ class DisparityErrors:
 
     Attributes
     ----------
-    bad_0_5, bad_1_0, bad_2_0 : float
-        Percent of those pixels that are off by more than 0.5, 1, 2 px. A hole counts as bad.
+    bad_0_5, bad_1_0, bad_2_0, bad_3_0 : float
+        Percent of those pixels that are off by more than 0.5, 1, 2, 3 px. A hole counts as bad.
     avg_error : float
         Mean absolute error in pixels over those of them that are valid.
     density : float
@@ -48,6 +48,7 @@ class DisparityErrors:
     bad_0_5: float
     bad_1_0: float
     bad_2_0: float
+    bad_3_0: float
     avg_error: float
     density: float
 
@@ -74,6 +75,7 @@ def measure_errors(values: FloatMap, truth: FloatMap, mask: Mask | None = None
     valid = error[np.isfinite(error)]
     return DisparityErrors(
         _bad_percent(error, 0.5), _bad_percent(error, 1.0), _bad_percent(error, 2.0),
+        _bad_percent(error, 3.0),
         float(np.mean(valid, dtype=np.float64)) if valid.size else math.nan,
         valid.size / error.size if error.size else math.nan)
 

@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from stereo_refine_ros.quality.image_metrics import default_scale
-from stereo_refine_ros.quality.photometric import photometric_quality
+from stereo_refine_ros.quality.photometric import compare_photometric
 from stereo_refine_ros.quality.summary import measure_against_truth
 from stereo_refine_ros.types import FloatMap, PlaneSegmentation, RefinementResult, StereoPair
 
@@ -65,10 +65,11 @@ def measure_frame(result: RefinementResult, pair: StereoPair, truth: FloatMap | 
     step = -(-pair.shape[0] // PHOTOMETRIC_ROWS)
     right = None if pair.right is None else np.ascontiguousarray(pair.right[::step])
     rows = StereoPair(np.ascontiguousarray(pair.left[::step]), right)
-    for name, disparity in maps.items():
-        psnr, ssim = photometric_quality(rows, disparity.values[::step])
-        figures[f'photometric_psnr_{name}'] = psnr
-        figures[f'photometric_ssim_{name}'] = ssim
+    compared = compare_photometric(
+        rows, *(disparity.values[::step] for disparity in maps.values()))
+    for name, quality in zip(maps, compared, strict=True):
+        figures[f'photometric_psnr_{name}'] = quality.psnr
+        figures[f'photometric_ssim_{name}'] = quality.ssim
     if truth is not None:
         scale = default_scale(result.disparity.num_disparities) if scale is None else scale
         for name, disparity in maps.items():

@@ -44,9 +44,9 @@ def measure_against_truth(values: FloatMap, truth: FloatMap, scale: float) -> di
     -------
     dict of str to float
         'mse', 'psnr', 'ssim' of the 8-bit maps over known pixels; 'mse_all_pixels' and
-        'psnr_all_pixels' with unknown truth as 0; 'bad_0_5', 'bad_1_0', 'bad_2_0' in percent
-        and 'avg_error' in pixels over known pixels; 'density', share of all pixels that were
-        valid before the filling.
+        'psnr_all_pixels' with unknown truth as 0; 'bad_0_5', 'bad_1_0', 'bad_2_0', 'bad_3_0'
+        in percent and 'avg_error' in pixels over known pixels; 'density', share of all pixels
+        that were valid before the filling.
 
     """
     known = np.isfinite(truth)

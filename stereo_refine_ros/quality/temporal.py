@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 import math
 
 import cv2
@@ -25,12 +26,57 @@ from numpy.typing import NDArray
 from stereo_refine_ros.images import to_grey
 from stereo_refine_ros.types import FloatMap, Image
 
-_NEIGHBOURHOOD = np.ones((3, 3), np.uint8)
+Maps = tuple[FloatMap, FloatMap]
+
+_NEIGHBOURHOOD = np.ones((5, 5), np.uint8)
 
 
-def unchanged_pixels(previous: Image, current: Image, threshold: int = 3) -> NDArray[np.bool_]:
+@dataclass(frozen=True)
+class TemporalNoise:
     """
-    Find pixels whose 3x3 neighbourhood changes by at most `threshold` grey levels.
+    Flicker before and after refinement, over the same pixels; NaN where there are none.
+
+    Attributes
+    ----------
+    preliminary, refined : float
+        Mean absolute change between two frames, pixels of disparity.
+    unchanged_ratio : float
+        Share of the image that counts, 0..1.
+
+    """
+
+    preliminary: float
+    refined: float
+    unchanged_ratio: float
+
+
+def compare_noise(views: tuple[Image, Image], preliminary: Maps, refined: Maps
+                  ) -> TemporalNoise:
+    """
+    Compare the flicker of two maps where the image does not change.
+
+    What counts is valid in both frames and in both maps: filling holes is neither punished nor
+    praised here.
+
+    Parameters
+    ----------
+    views : two uint8 ndarray of shape (H, W) or (H, W, 3) BGR
+        Left view of the frame before and of this frame.
+    preliminary, refined : two float32 ndarray of shape (H, W)
+        The maps of these frames in pixels, NaN invalid.
+
+    """
+    counted = unchanged_pixels(*views)
+    for values in (*preliminary, *refined):
+        counted &= np.isfinite(values)
+    return TemporalNoise(
+        temporal_noise(*preliminary, counted), temporal_noise(*refined, counted),
+        float(np.count_nonzero(counted)) / counted.size)
+
+
+def unchanged_pixels(previous: Image, current: Image, threshold: int = 2) -> NDArray[np.bool_]:
+    """
+    Find pixels whose 5x5 neighbourhood changes by at most `threshold` grey levels.
 
     The neighbourhood keeps out pixels of a moving texture that are alike by chance.
 

@@ -32,8 +32,8 @@ def scene():
     return render_scene(2)
 
 
-def _write(folder, scene, preliminary, refined, labels):
-    files = write_pictures(folder, scene, preliminary, refined, labels, METRICS)
+def _write(folder, scene, preliminary, refined, labels, confidence=None):
+    files = write_pictures(folder, scene, preliminary, refined, labels, METRICS, confidence)
     return {path.stem: cv2.imread(str(path)) for path in files}
 
 
@@ -59,10 +59,22 @@ def test_near_is_lighter_than_far(tmp_path, scene):
     assert np.corrcoef(lightness.ravel(), scene.truth.ravel())[0, 1] > 0.95
 
 
-def test_sheet_holds_all_pictures_in_two_rows(tmp_path, scene):
-    pictures = _write(tmp_path, scene, scene.truth, scene.truth, scene.labels)
+def test_confidence_is_dark_where_it_is_low(tmp_path, scene):
+    confidence = np.ones_like(scene.truth)
+    confidence[:, :40] = 0
+    picture = _write(tmp_path, scene, scene.truth, scene.truth, scene.labels,
+                     confidence)['confidence']
+    assert picture[:, :40].max() < 5
+    assert picture[:, 40:].min() > 180
+
+
+def test_sheet_holds_nine_pictures_in_three_rows(tmp_path, scene):
+    confidence = np.full_like(scene.truth, 0.5)
+    pictures = _write(tmp_path, scene, scene.truth, scene.truth, scene.labels, confidence)
     sheet = pictures['side_by_side']
-    assert sheet.shape == (2 * (330 + 34 + 8) + 8, 4 * (440 + 8) + 8, 3)
+    assert sheet.shape == (3 * (330 + 34 + 8) + 8, 3 * (440 + 8) + 8, 3)
+    middle = cv2.resize(pictures['confidence'], (440, 330), interpolation=cv2.INTER_NEAREST)
+    np.testing.assert_array_equal(sheet[-338:-8, 456:896], middle)
     left = cv2.resize(scene.pair.left, (440, 330), interpolation=cv2.INTER_NEAREST)
     np.testing.assert_array_equal(sheet[42:372, 8:448], left)
     labels = sheet[8:42, 8:448]

@@ -69,7 +69,7 @@ def test_json_has_a_row_for_every_stage(run):
     assert labels[0] == ('one', 'none', 'full', 'preliminary')
     for row in rows:
         assert row['matching'] == 'sgbm'
-        assert 0 <= row['bad_2_0'] <= row['bad_1_0'] <= row['bad_0_5'] <= 100
+        assert 0 <= row['bad_3_0'] <= row['bad_2_0'] <= row['bad_1_0'] <= row['bad_0_5'] <= 100
         assert row['disc'] is None
         assert row['ms']['matching'] > 0
 
@@ -82,8 +82,8 @@ def test_report_is_one_file_that_needs_no_network(run):
     assert reader.open == []
     sources = [attrs['src'] for tag, attrs in reader.tags if tag == 'img']
     assert all(source.startswith('data:image/webp;base64,') for source in sources)
-    # Seven pictures in the open row of a scene, five in each folded one.
-    assert len(sources) == 2 * (7 + 3 * 5)
+    # Eight pictures in the open row of a scene, six in each folded one.
+    assert len(sources) == 2 * (8 + 3 * 6)
     assert not re.search(r'https?:|<script|<link|@import|url\(', text)
     assert ('meta', {'name': 'viewport', 'content': 'width=device-width, initial-scale=1'}
             ) in reader.tags
@@ -93,13 +93,26 @@ def test_report_shows_the_rows(run):
     rows = json.loads((run / 'out' / 'rows.json').read_text())
     reader = Reader()
     reader.feed((run / 'report' / 'report.html').read_text(encoding='utf-8'))
-    assert len([tag for tag, _ in reader.tags if tag == 'table']) == 4
+    assert len([tag for tag, _ in reader.tags if tag == 'table']) == 5
     assert 'one, full projection' in reader.text
     assert '--filters none,weighted_median --projection full,guarded' in reader.text
     for row in rows:
         if row['stage'] != 'preliminary':
             assert f'{row["mse"]:.1f}' in reader.text
             assert f'{row["ssim"]:.4f}' in reader.text
+
+
+def test_report_shows_the_confidence_of_every_method(run):
+    rows = json.loads((run / 'out' / 'rows.json').read_text())
+    reader = Reader()
+    reader.feed((run / 'report' / 'report.html').read_text(encoding='utf-8'))
+    confidence = reader.text.split('Confidence of the refined maps, 1 px')[1]
+    for row in rows:
+        if row['stage'] == 'after':
+            assert f'{row["confidence_area"]:.4f}' in confidence
+            assert f'{row["calibration_error"]:.3f}' in confidence
+    assert len([tag for tag, _ in reader.tags if tag == 'svg']) == 2 * 8
+    assert confidence.count('right pixels over confidence') == 8
 
 
 def test_table_is_printed(tmp_path, capsys):

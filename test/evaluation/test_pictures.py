@@ -22,8 +22,8 @@ import numpy as np
 import pytest
 
 from stereo_refine_ros.evaluation.pictures import (
-    color_disparity, color_error, data_uri, disparity_gradient, draw_segments, error_gradient,
-    frame_sheet, write_picture)
+    color_confidence, color_disparity, color_error, confidence_gradient, data_uri,
+    disparity_gradient, draw_segments, error_gradient, frame_sheet, write_picture)
 from stereo_refine_ros.types import DisparityMap, PlaneSegmentation, RefinementResult
 
 VIOLET, YELLOW = [84, 1, 68], [36, 231, 253]  # the ends of viridis, BGR
@@ -48,6 +48,15 @@ def test_error_colours():
     picture = color_error(values, truth)
     np.testing.assert_array_equal(
         picture[0], [[245, 247, 247], [0, 0, 127], [0, 0, 127], [0, 0, 0], [128, 128, 128]])
+
+
+def test_confidence_colours_run_from_dark_to_light():
+    picture = color_confidence(np.array([[0, 0.25, 0.5, 0.75, 1, np.nan, 1.5]], np.float32))
+    lightness = cv2.cvtColor(picture, cv2.COLOR_BGR2LAB)[0, :5, 0].astype(int)
+    assert (np.diff(lightness) > 30).all()
+    assert (lightness[0], lightness[-1]) == (pytest.approx(0, abs=3), pytest.approx(250, abs=5))
+    np.testing.assert_array_equal(picture[0, 5], picture[0, 0])
+    np.testing.assert_array_equal(picture[0, 6], picture[0, 4])
 
 
 def test_segments_of_one_plane_look_alike_and_boundaries_are_white():
@@ -80,6 +89,9 @@ def test_colour_bars_start_and_end_like_the_colours():
     assert len(stops) == 9
     np.testing.assert_allclose(np.array(stops[0], int), VIOLET[::-1], atol=1)
     np.testing.assert_allclose(np.array(stops[-1], int), YELLOW[::-1], atol=1)
+    first = [int(level) for level in re.findall(r'\d+', confidence_gradient())[:3]]
+    np.testing.assert_array_equal(
+        color_confidence(np.zeros((1, 1), np.float32))[0, 0], first[::-1])
     assert error_gradient().startswith('rgb(247, 247, 245)')
 
 

@@ -23,13 +23,15 @@ import pytest
 from scene_folder import small_scene
 
 from stereo_refine_ros.evaluation.runner import (
-    as_json, Combination, evaluate_scene, measure_stage, Plan, scene_scale, STAGES)
+    as_json, Combination, CONFIDENCE, evaluate_scene, judge_confidence, measure_stage, Plan,
+    scene_scale, STAGES)
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.refinement.filling import fill_from_background
 
 KEYS = {'scene', 'matching', 'filter', 'projection', 'stage', 'mse', 'psnr', 'ssim',
-        'mse_all_pixels', 'psnr_all_pixels', 'bad_0_5', 'bad_1_0', 'bad_2_0', 'avg_error',
-        'nonocc', 'all', 'disc', 'density', 'ms'}
+        'mse_all_pixels', 'psnr_all_pixels', 'bad_0_5', 'bad_1_0', 'bad_2_0', 'bad_3_0',
+        'avg_error', 'nonocc', 'all', 'disc', 'density', 'ms', 'confidence_area',
+        'confidence_area_best', 'calibration_error', 'density_at_5', 'sure_share', 'sure_wrong'}
 
 
 @pytest.fixture(scope='module')
@@ -68,6 +70,28 @@ def test_stages_are_the_pipelines_maps(scene, outcomes):
             strict=True):
         assert {name: row[name] for name in measure_stage(values, scene)
                 } == measure_stage(values, scene)
+
+
+def test_confidence_is_judged_with_the_map_it_belongs_to(scene, outcomes):
+    outcome = outcomes[3]
+    preliminary, before, after = outcome.rows
+    assert {preliminary[name] for name in CONFIDENCE} == {None}
+    for row, result in ((before, outcome.before), (after, outcome.after)):
+        expected = judge_confidence(result.confidence, result.disparity.values, scene)
+        assert {name: row[name] for name in CONFIDENCE} == expected
+        assert 0 <= row['confidence_area_best'] <= row['confidence_area'] <= 1
+
+
+def test_confidence_counts_within_the_region_all(scene):
+    values, confidence = scene.truth.copy(), np.full(scene.truth.shape, 0.95, np.float32)
+    values[:, :48] += 2
+    left_half = np.zeros(values.shape, bool)
+    left_half[:, :48] = True
+    inside = replace(scene, masks={'all': left_half})
+    assert judge_confidence(confidence, values, scene)['sure_wrong'] == 0.5
+    assert judge_confidence(confidence, values, inside)['sure_wrong'] == 1.0
+    without = judge_confidence(np.zeros((0, 0), np.float32), values, scene)
+    assert without == dict.fromkeys(CONFIDENCE)
 
 
 def test_times_belong_to_the_stage(outcomes):

@@ -26,7 +26,8 @@ def row(stage, mse, ssim, bad, scene='cones', filter_method='box', projection='f
     return {'scene': scene, 'matching': 'sgbm', 'filter': filter_method,
             'projection': projection, 'stage': stage, 'mse': mse, 'mse_all_pixels': mse,
             'psnr': -mse, 'ssim': ssim, 'bad_0_5': bad, 'bad_1_0': bad, 'bad_2_0': bad,
-            'avg_error': bad, 'nonocc': bad, 'all': bad, 'disc': None, 'density': 1.0,
+            'bad_3_0': bad, 'avg_error': bad, 'nonocc': bad, 'all': bad, 'disc': None,
+            'density': 1.0, 'confidence_area': None, 'sure_share': None, 'sure_wrong': None,
             'ms': {'matching': 10.0, 'filter': 2.4}}
 
 
@@ -78,7 +79,7 @@ def test_terminal_table_shows_each_map_once():
     assert len(lines) == 1 + 1 + 2 + 3
     assert lines[1].split() == [
         'cones', 'sgbm', 'preliminary', '90.0', '90.0', '-90.00', '0.7000', '9.00', '9.00',
-        '9.00', '9.000', '9.00', '9.00', '-', '1.000', '12']
+        '9.00', '9.00', '9.000', '9.00', '9.00', '-', '1.000', '-', '-', '-', '12']
 
 
 def test_small_formats():

@@ -32,6 +32,7 @@ def test_errors_by_hand():
     assert errors.bad_0_5 == pytest.approx(100 * 4 / 9)
     assert errors.bad_1_0 == pytest.approx(100 * 3 / 9)
     assert errors.bad_2_0 == pytest.approx(100 * 2 / 9)
+    assert errors.bad_3_0 == pytest.approx(100 / 9)  # the hole
     assert errors.avg_error == pytest.approx((0.5 + 1 + 2 + 0.25 + 2.5) / 8)
     assert errors.density == pytest.approx(8 / 9)
 

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from stereo_refine_ros.quality.frame import mean_inlier_ratio, measure_frame, TRUTH_KEYS
-from stereo_refine_ros.quality.photometric import photometric_quality
+from stereo_refine_ros.quality.photometric import compare_photometric
 from stereo_refine_ros.quality.summary import measure_against_truth
 from stereo_refine_ros.types import DisparityMap, PlaneSegmentation, RefinementResult, StereoPair
 
@@ -55,8 +55,10 @@ def test_keys_and_values_without_truth():
     assert figures['valid_ratio_preliminary'] == 0.75
     assert figures['valid_ratio_refined'] == 1
     assert figures['lr_consistent_ratio'] == 0.75
-    assert (figures['photometric_psnr_refined'], figures['photometric_ssim_refined']
-            ) == photometric_quality(pair, result.disparity.values)
+    compared = compare_photometric(pair, result.preliminary.values, result.disparity.values)
+    for name, quality in zip(('preliminary', 'refined'), compared, strict=True):
+        assert (figures[f'photometric_psnr_{name}'], figures[f'photometric_ssim_{name}']) == (
+            quality.psnr, quality.ssim)
     assert not any(key.startswith(TRUTH_KEYS) for key in figures)
 
 
