@@ -70,6 +70,7 @@ class Rig:
 
 
 class Broken(StereoRefiner):
+
     def process(self, *args, **kwargs):
         raise RuntimeError('kernel failed')
 
@@ -123,6 +124,7 @@ def test_refining_is_tried_again_after_failures():
 
     def make(params):
         class Sometimes(StereoRefiner):
+
             def process(self, *args, **kwargs):
                 if broken:
                     raise RuntimeError('kernel failed')
