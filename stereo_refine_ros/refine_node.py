@@ -71,8 +71,10 @@ def main(args: list[str] | None = None) -> int:
     from rclpy.signals import SignalHandlerOptions
 
     from stereo_refine_ros.node.refine_node import RefineNode
+    from stereo_refine_ros.shared_memory import fit_to_host
     if not stop.may_open():
         return 0
+    fit_to_host(rclpy.logging.get_logger('refine_node').warning)
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = RefineNode()
