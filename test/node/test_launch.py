@@ -23,8 +23,8 @@ import unittest
 
 import pytest
 
-launch = pytest.importorskip('launch', reason="ROS's launch is not installed")
-launch_testing = pytest.importorskip('launch_testing')
+launch_testing = pytest.importorskip('launch_testing', reason='launch_testing is not installed')
+launch = pytest.importorskip('launch')
 pytest.importorskip('launch_testing.actions')
 pytest.importorskip('launch_testing.asserts')
 index = pytest.importorskip('ament_index_python.packages')

@@ -48,11 +48,10 @@ def strings(path):
 
 @pytest.fixture
 def launch_file(monkeypatch):
-    """Run the launch file as a module; what it takes from launch is made up where that is not."""
+    """Run the launch file as a module; what it takes from launch is made up."""
     for name in ('launch', 'launch.actions', 'launch.conditions', 'launch.substitutions',
                  'launch_ros', 'launch_ros.actions'):
-        if name not in sys.modules:
-            monkeypatch.setitem(sys.modules, name, MagicMock())
+        monkeypatch.setitem(sys.modules, name, MagicMock())
     module = SimpleNamespace(**runpy.run_path(str(CAMERA)))
     module.defaults = {name: default for name, (default, _) in module.ARGUMENTS.items()}
     return module
