@@ -106,8 +106,10 @@ def fit_to_host(warn: Callable[[str], None],
     try:
         if fitting >= _SMALLEST:
             _use(_with_segment(profile, fitting), environment)
-            warn(f'{state}: this process takes {fitting // _MB} MB of it for images instead of '
-                 f'{wanted // _MB}, so that there is some for others; if images are lost, {_MORE}')
+            if fitting < wanted // 2:
+                warn(f'{state}: this process takes {fitting // _MB} MB of it for images instead '
+                     f'of {wanted // _MB}, so that there is some for others; if images are lost, '
+                     f'{_MORE}')
         else:
             _use(_without_segment(profile), environment)
             warn(f'{state}, too little for images: they go by UDP, large ones may be lost; '

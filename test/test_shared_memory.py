@@ -91,6 +91,12 @@ def test_in_a_container_a_quarter_of_what_is_free_is_taken(monkeypatch, profile)
     assert max(map(int, values(path, 'maxMessageSize'))) <= sizes[0]
 
 
+def test_a_little_less_is_not_worth_a_word(monkeypatch):
+    said, environment = reduced(monkeypatch, OWN[0], 128 * MB, 128 * MB)
+    size, = map(int, values(environment[PROFILE_VARIABLES[0]], 'segment_size'))
+    assert said == [] and 30 * MB < size < 32 * MB
+
+
 def test_four_processes_fit_into_a_container_one_after_another(monkeypatch):
     free, taken = 64 * MB, []
     for _ in range(4):

@@ -22,9 +22,11 @@ from types import SimpleNamespace
 from unittest.mock import MagicMock
 from xml.etree import ElementTree
 
+from builtin_interfaces.msg import Time
 import pytest
 from stereo_refine_ros.node.inputs import TYPES
 from stereo_refine_ros.node.publishers import TOPICS
+from stereo_refine_ros.node.publishing import scene_header
 from stereo_refine_ros.params import check_values, PRESETS
 import yaml
 
@@ -120,12 +122,27 @@ def test_the_launch_of_two_cameras_passes_declared_arguments():
         ROOT / 'launch' / 'two_cameras.launch.py')
 
 
-def test_rviz_shows_our_topics():
+def rviz():
     config = yaml.safe_load((ROOT / 'config' / 'stereo_refine.rviz').read_text(encoding='utf-8'))
-    shown = {display['Topic']['Value'] for display in config['Visualization Manager']['Displays']
-             if 'Topic' in display}
-    assert shown == {'disparity/color', 'depth', 'points', 'planes'}
-    assert shown <= set(TOPICS)
+    return config['Visualization Manager']
+
+
+def test_rviz_shows_our_topics():
+    shown = {display['Topic']['Value'] for display in rviz()['Displays'] if 'Topic' in display}
+    assert shown == {'disparity/color', 'confidence', 'depth', 'points', 'planes'}
+    assert shown <= {*TOPICS, 'confidence'}
+
+
+def test_rviz_shows_confidence_from_0_to_1():
+    confidence, = (display for display in rviz()['Displays']
+                   if display.get('Topic', {}).get('Value') == 'confidence')
+    assert confidence['Normalize Range'] is False
+    assert (confidence['Min Value'], confidence['Max Value']) == (0, 1)
+
+
+def test_rviz_is_fixed_to_the_frame_that_replay_sends():
+    frame = rviz()['Global Options']['Fixed Frame']
+    assert scene_header(Time()).frame_id == frame
 
 
 def test_the_shared_memory_profile_holds_large_images():
