@@ -16,6 +16,7 @@
 
 import ast
 from pathlib import Path
+import re
 import runpy
 import sys
 from types import SimpleNamespace
@@ -27,7 +28,7 @@ import pytest
 from stereo_refine_ros.node.inputs import TYPES
 from stereo_refine_ros.node.publishers import TOPICS
 from stereo_refine_ros.node.publishing import scene_header
-from stereo_refine_ros.params import check_values, PRESETS
+from stereo_refine_ros.params import check_values, PRESETS, SPEC_BY_NAME
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -109,6 +110,20 @@ def test_what_cannot_be_meant_is_named(launch_file, chosen):
     (name, text), = chosen.items()
     with pytest.raises(ValueError, match=f'{name}:={text}: expected'):
         launch_file.parameters({**launch_file.defaults, **chosen})
+
+
+def test_the_page_for_those_who_come_from_stereo_image_proc_names_what_exists(launch_file):
+    text = (ROOT / 'docs' / 'from_stereo_image_proc.md').read_text(encoding='utf-8')
+    groups = '|'.join({name.split('.')[0] for name in SPEC_BY_NAME if '.' in name})
+    named = set(re.findall(rf'`((?:{groups})\.[a-z_]+)', text))
+    assert {'sync.approximate', 'matching.nearest', 'output.max_depth'} <= named
+    assert named <= set(SPEC_BY_NAME)
+    launched = re.findall(r'stereo_refine\.launch\.py (.*)', text)
+    assert {name for line in launched for name in re.findall(r'(\w+):=', line)} <= set(
+        launch_file.ARGUMENTS)
+    assert len(launched) == 2
+    assert {*TYPES, *TOPICS} - {'ground_truth/disparity', 'preliminary/disparity'} <= set(
+        re.findall(r'`([a-z_/]+)`', text))
 
 
 @pytest.mark.parametrize('preset', PRESETS)
