@@ -69,7 +69,12 @@ setup(
     python_requires='>=3.10',
     # No ROS package here: apt's ROS has no pip names (a pip-only machine: requirements/ros.txt).
     install_requires=['setuptools', 'numpy>=1.26', *_opencv(), 'numba', 'pyyaml'],
-    extras_require={'bag': ['rosbags'], 'demo': ['rich'], 'test': ['pytest']},
+    extras_require={
+        'bag': ['rosbags'],
+        'demo': ['rich'],
+        'test': ['hypothesis', 'matplotlib', 'psutil', 'pytest', 'rich', 'rosbags',
+                 'scikit-image'],
+    },
     zip_safe=False,
     entry_points={
         'console_scripts': [

@@ -23,7 +23,8 @@ for seconds at a time. What it made lies in the cache, and loads from there in h
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 import ctypes
 import hashlib
 import json
@@ -32,9 +33,11 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
+import time
 
 import cv2
 import numba
+from numba.core import event
 import numpy as np
 
 from stereo_refine_ros import KERNELS
@@ -47,6 +50,7 @@ Progress = Callable[[str], None]
 Refine = Callable[[Params, StereoPair, FloatMap | None], RefinementResult]
 
 _PR_SET_PDEATHSIG = 1  # from prctl.h
+_HEARTBEAT_S = 10.0
 _CHILD = '--for-process'
 # The parameters whose choices decide which kernels run.
 _COMPUTING = ('matching', 'segmentation', 'planes', 'filter', 'rectification', 'temporal')
@@ -79,6 +83,40 @@ def run_kernels(params: Params, refine: Refine, progress: Progress = lambda text
         progress(f'kernels for {name} images ({number} of {len(pairs)})')
         result = refine(params, pair, truth if params.matching.method == 'external' else None)
         measure_frame(result, pair, truth)
+
+
+@contextmanager
+def compiled_counted(progress: Progress, every_s: float = _HEARTBEAT_S) -> Iterator[None]:
+    """
+    Tell how many kernels were compiled so far, from time to time, while the block runs.
+
+    Parameters
+    ----------
+    progress : callable of str
+        Told the number.
+    every_s : float
+        At most this often, in seconds.
+
+    """
+    counter = _Counter(progress, every_s)
+    with event.install_listener('numba:compile', counter):
+        yield
+
+
+class _Counter(event.Listener):
+
+    def __init__(self, progress: Progress, every_s: float) -> None:
+        self._progress, self._every_s = progress, every_s
+        self._count, self._told = 0, time.monotonic()
+
+    def on_start(self, event: event.Event) -> None:
+        pass
+
+    def on_end(self, event: event.Event) -> None:
+        self._count += 1
+        if time.monotonic() - self._told >= self._every_s:
+            self._told = time.monotonic()
+            self._progress(f'kernels: {self._count} are done')
 
 
 def compile_apart(params: Params, progress: Progress = lambda text: None) -> None:
@@ -120,8 +158,9 @@ def _prefixed(preset: str, progress: Progress) -> Progress:
 
 
 def _compile(params: Params, mark: Path | None, progress: Progress) -> None:
-    run_kernels(params, lambda params, pair, preliminary: StereoRefiner(params).process(
-        pair.left, pair.right, preliminary), progress)
+    with compiled_counted(progress):
+        run_kernels(params, lambda params, pair, preliminary: StereoRefiner(params).process(
+            pair.left, pair.right, preliminary), progress)
     if mark is not None:
         mark.touch()
 

@@ -102,9 +102,12 @@ def test_pip_brings_opencv_only_where_there_is_none(tmp_path, has_opencv):
         env={'PYTHONPATH': str(Path(setuptools.__file__).parents[1])})
     assert built.returncode == 0, built.stderr
     metadata = next(tmp_path.glob('*.dist-info')) / 'METADATA'
-    required = re.findall(r'^Requires-Dist: ([a-z-]+)[^;\n]*$', metadata.read_text(), re.MULTILINE)
+    text = metadata.read_text()
+    required = re.findall(r'^Requires-Dist: ([a-z-]+)[^;\n]*$', text, re.MULTILINE)
     assert set(required) == {'setuptools', 'numpy', 'numba', 'pyyaml'} | (
         set() if has_opencv else {'opencv-python-headless'})
+    tested_with = re.findall(r'^Requires-Dist: ([a-z-]+)\b.*; extra == .test.$', text, re.MULTILINE)
+    assert set(tested_with) == set(TEST_ROSDEP) - {'setuptools', 'skimage'} | {'scikit-image'}
 
 
 def test_manifest_is_of_format_3_and_ament_python():

@@ -19,6 +19,8 @@ import signal
 import subprocess
 import sys
 
+import numba
+import numpy as np
 import psutil
 import pytest
 from stereo_refine_ros import warm_up
@@ -52,15 +54,38 @@ def kernels(folder):
     return {path.relative_to(folder): path.stat().st_mtime_ns for path in folder.rglob('*.nb?')}
 
 
+def named(steps):
+    """Leave out how many kernels were done meanwhile, which depends on the machine."""
+    return [step for step in steps if not step.endswith(' are done')]
+
+
+def test_what_was_compiled_is_counted():
+    @numba.njit
+    def next_number(value):
+        return value + 1
+
+    told = []
+    with warm_up.compiled_counted(told.append, every_s=0):
+        assert next_number(1) == 2 and next_number(2) == 3 and next_number(1.5) == 2.5
+    assert told == ['kernels: 1 are done', 'kernels: 2 are done']
+    next_number(1j)
+    assert len(told) == 2
+    with warm_up.compiled_counted(told.append, every_s=3600):
+        next_number(np.float32(1))
+    assert len(told) == 2
+
+
 def test_a_child_compiles_all_that_a_frame_needs_and_only_once(tmp_path, monkeypatch):
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
     steps = []
     warm_up.compile_apart(load_preset('live'), steps.append)
-    assert steps == ['kernels for colour images (1 of 2)', 'kernels for grey images (2 of 2)']
+    assert named(steps) == [
+        'kernels for colour images (1 of 2)', 'kernels for grey images (2 of 2)']
     made = kernels(tmp_path)
     assert len(made) > 50
+    steps.clear()
     warm_up.compile_apart(load_preset('live'), steps.append)
-    assert len(steps) == 2
+    assert steps == []
     subprocess.run([sys.executable, '-c', FRAME], check=True, timeout=60)
     assert kernels(tmp_path) == made
 
@@ -98,7 +123,7 @@ def test_the_command_compiles_a_preset_once_for_this_processor(tmp_path):
     runs = [subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
             for _ in range(2)]
     assert [done.returncode for done in runs] == [0, 0], runs[0].stderr
-    assert runs[0].stdout.splitlines() == [
+    assert named(runs[0].stdout.splitlines()) == [
         'live: kernels for colour images (1 of 2)', 'live: kernels for grey images (2 of 2)',
         f'kernels are in {tmp_path}']
     assert runs[1].stdout.splitlines() == [
