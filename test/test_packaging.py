@@ -106,8 +106,8 @@ def test_pip_brings_opencv_only_where_there_is_none(tmp_path, has_opencv):
     required = re.findall(r'^Requires-Dist: ([a-z-]+)[^;\n]*$', text, re.MULTILINE)
     assert set(required) == {'setuptools', 'numpy', 'numba', 'pyyaml'} | (
         set() if has_opencv else {'opencv-python-headless'})
-    tested_with = re.findall(r'^Requires-Dist: ([a-z-]+)\b.*; extra == .test.$', text, re.MULTILINE)
-    assert set(tested_with) == set(TEST_ROSDEP) - {'setuptools', 'skimage'} | {'scikit-image'}
+    extra = re.findall(r'^Requires-Dist: ([a-z-]+)\b.*; extra == .test.$', text, re.MULTILINE)
+    assert set(extra) == set(TEST_ROSDEP) - {'setuptools', 'skimage'} | {'scikit-image'}
 
 
 def test_manifest_is_of_format_3_and_ament_python():
