@@ -21,6 +21,7 @@ Needs ROS's launch_testing and a workspace that is built and sourced, as under `
 import importlib.util
 import unittest
 
+from harness import Client, floats, READY_S, stereo_messages, textured_pair
 import pytest
 
 launch_testing = pytest.importorskip('launch_testing', reason='launch_testing is not installed')
@@ -33,7 +34,6 @@ try:
 except index.PackageNotFoundError:
     pytest.skip('stereo_refine_ros is not in a sourced workspace', allow_module_level=True)
 
-from harness import Client, floats, READY_S, stereo_messages, textured_pair  # noqa: E402
 import numpy as np  # noqa: E402
 from sensor_msgs.msg import CameraInfo, Image  # noqa: E402
 from stereo_msgs.msg import DisparityImage  # noqa: E402
