@@ -22,7 +22,10 @@ import importlib.util
 import unittest
 
 from harness import Client, floats, READY_S, stereo_messages, textured_pair
+import numpy as np
 import pytest
+from sensor_msgs.msg import CameraInfo, Image
+from stereo_msgs.msg import DisparityImage
 
 launch_testing = pytest.importorskip('launch_testing', reason='launch_testing is not installed')
 launch = pytest.importorskip('launch')
@@ -33,10 +36,6 @@ try:
     SHARE = index.get_package_share_directory('stereo_refine_ros')
 except index.PackageNotFoundError:
     pytest.skip('stereo_refine_ros is not in a sourced workspace', allow_module_level=True)
-
-import numpy as np  # noqa: E402
-from sensor_msgs.msg import CameraInfo, Image  # noqa: E402
-from stereo_msgs.msg import DisparityImage  # noqa: E402
 
 pytestmark = pytest.mark.ros
 CHOSEN = {
