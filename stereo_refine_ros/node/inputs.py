@@ -102,7 +102,9 @@ class Inputs:
         if wanted:
             needed = {*self.pairing.required, *self.pairing.optional, LEFT_INFO, RIGHT_INFO}
             needed -= set() if with_truth else {TRUTH}
-        for topic in set(self._subscriptions) - needed:
+        moved = {topic for topic, subscription in self._subscriptions.items()
+                 if subscription.topic_name != input_topic(self._node, topic)}
+        for topic in set(self._subscriptions) - needed | moved:
             self._node.destroy_subscription(self._subscriptions.pop(topic))
         if wanted and not self._subscriptions:
             self._listening_since = time.monotonic()
@@ -123,7 +125,7 @@ class Inputs:
 
     def full_name(self, topic: str) -> str:
         """Name a topic, and what it is remapped to."""
-        resolved = self._node.resolve_topic_name(input_topic(self._node, topic))
+        resolved = input_topic(self._node, topic)
         return topic if resolved == f'/{topic}' else f'{topic} ({resolved})'
 
     def _subscribe(self, topic: str) -> Subscription:

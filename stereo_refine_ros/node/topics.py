@@ -25,25 +25,28 @@ def input_topic(node: Node, topic: str) -> str:
     """
     Name the topic to subscribe to: camera_info follows its image, as stereo_image_proc's does.
 
+    It does so only while somebody publishes there and nobody under its own name.
+
     Parameters
     ----------
     node : rclpy.node.Node
-        Knows the remappings.
+        Knows the remappings and the ROS graph.
     topic : str
         Name of an input, relative.
 
     Returns
     -------
     str
-        `topic`; for camera_info that is not remapped while its image is, the absolute name of
-        the camera_info beside the image.
+        The absolute name.
 
     """
-    image = _IMAGE_OF.get(topic)
+    own, image = node.resolve_topic_name(topic), _IMAGE_OF.get(topic)
     if image is None or _is_remapped(node, topic) or not _is_remapped(node, image):
-        return topic
-    beside = node.resolve_topic_name(image).rpartition('/')[0] + '/camera_info'
-    return node.resolve_topic_name(beside)
+        return own
+    folder = node.resolve_topic_name(image).rpartition('/')[0]
+    beside = node.resolve_topic_name(f'{folder}/camera_info')
+    follows = node.count_publishers(beside) and not node.count_publishers(own)
+    return beside if follows else own
 
 
 def _is_remapped(node: Node, topic: str) -> bool:
