@@ -193,7 +193,7 @@ class Params:
     matching: MatchingParams = field(default_factory=MatchingParams)
     segmentation: SegmentationParams = field(default_factory=SegmentationParams)
     planes: PlaneParams = field(default_factory=PlaneParams)
-    filter: FilterParams = field(default_factory=FilterParams)  # noqa: A003
+    filter: FilterParams = field(default_factory=FilterParams)
     rectification: RectificationParams = field(default_factory=RectificationParams)
     temporal: TemporalParams = field(default_factory=TemporalParams)
     output: OutputParams = field(default_factory=OutputParams)
@@ -229,7 +229,7 @@ class ParameterSpec:
     """The definition of one parameter, as the ROS descriptors and the README need it."""
 
     name: str
-    type: type  # noqa: A003
+    type: type
     default: Any
     description: str
     unit: str = ''

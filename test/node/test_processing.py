@@ -70,7 +70,6 @@ class Rig:
 
 
 class Broken(StereoRefiner):
-
     def process(self, *args, **kwargs):
         raise RuntimeError('kernel failed')
 
@@ -124,7 +123,6 @@ def test_refining_is_tried_again_after_failures():
 
     def make(params):
         class Sometimes(StereoRefiner):
-
             def process(self, *args, **kwargs):
                 if broken:
                     raise RuntimeError('kernel failed')
