@@ -11,7 +11,7 @@ ROS := $(if $(ROS_DISTRO),$(shell $(PYTHON) -c 'import rclpy' 2>/dev/null && ech
 NUMPY_1 := $(if $(ROS),$(shell $(PYTHON) -c 'import numpy; assert numpy.__version__ < "2"' 2>/dev/null && echo yes))
 
 RUN_LOCKS := $(if $(NUMPY_1),requirements/oldest.txt,requirements/runtime.txt $(if $(ROS),,requirements/ros.txt))
-TEST_LOCKS := $(if $(NUMPY_1),,requirements/dev.txt)
+TEST_LOCKS := $(if $(NUMPY_1),,requirements/dev.txt) $(if $(ROS),,requirements/ament.txt)
 
 KIND := $(if $(ROS),$(ROS_DISTRO),wheels)
 RUN_STAMP := $(VENV)/.run-$(KIND)
@@ -39,7 +39,7 @@ help:
 	@echo 'make test        the whole test suite'
 	@echo 'make test-oldest the core against the oldest supported dependencies'
 	@echo 'make coverage    lines of the package that the tests run, at least 95 %'
-	@echo 'make lint        ruff, import order, mypy'
+	@echo 'make lint        ruff, mypy, ament_flake8, ament_pep257, ament_copyright'
 	@echo 'make audit       known vulnerabilities of the locked dependencies (asks the network)'
 	@echo 'make bench       speed and error beside OpenCV, docs/speed.svg'
 	@echo 'make bench-live  camera and node over DDS: rate, latency, drops, memory'
@@ -70,15 +70,14 @@ coverage: $(TEST_STAMP)
 
 lint: $(LINT_STAMP)
 	$(BIN)/python -m ruff check .
-	$(BIN)/python -m flake8 --select I --extend-ignore I202 --import-order-style google \
-		stereo_refine_ros test benchmarks scripts launch setup.py
 	$(BIN)/python -m mypy
+	$(BIN)/python -m pytest -q test/test_ament_lint.py
 
 audit:
 	test -x $(AUDIT_VENV)/bin/python || $(PYTHON) -m venv $(AUDIT_VENV)
 	$(AUDIT_VENV)/bin/python -m pip --disable-pip-version-check install --quiet pip-audit==2.10.1
 	$(AUDIT_VENV)/bin/pip-audit --no-deps --disable-pip \
-		$(foreach lock,runtime ros dev lint,-r requirements/$(lock).txt)
+		$(foreach lock,runtime ros dev ament lint,-r requirements/$(lock).txt)
 
 bench: $(TEST_STAMP) $(CONTRIB_VENV)/.installed
 	$(BIN)/python benchmarks/speed.py --contrib-python $(CONTRIB_VENV)/bin/python \
@@ -112,7 +111,7 @@ $(RUN_STAMP): requirements/build.txt $(RUN_LOCKS) setup.py package.xml pyproject
 	@touch $@
 
 $(TEST_STAMP): $(TEST_LOCKS) $(RUN_STAMP)
-	$(if $(TEST_LOCKS),$(PIP) $(TEST_LOCKS:%=-r %))
+	$(if $(strip $(TEST_LOCKS)),$(PIP) --no-build-isolation $(TEST_LOCKS:%=-r %))
 	@touch $@
 
 $(LINT_STAMP): requirements/lint.txt $(TEST_STAMP)
@@ -139,6 +138,7 @@ lock:
 	$(COMPILE) requirements/runtime.in -c requirements/build.txt -o requirements/runtime.txt
 	$(COMPILE) requirements/ros.in -c requirements/build.txt -c requirements/runtime.txt -o requirements/ros.txt
 	$(COMPILE) requirements/dev.in -c requirements/runtime.txt -c requirements/ros.txt -o requirements/dev.txt
+	$(COMPILE) requirements/ament.in -c requirements/build.txt -c requirements/ros.txt -c requirements/dev.txt -o requirements/ament.txt
 	$(COMPILE) requirements/lint.in -c requirements/dev.txt -o requirements/lint.txt
 	$(COMPILE) requirements/oldest.in -c requirements/build.txt -o requirements/oldest.txt
 	$(COMPILE) requirements/contrib.in -o requirements/contrib.txt

@@ -14,7 +14,10 @@
 
 """Build and install; the name, version and maintainer come from package.xml."""
 
+from importlib.machinery import PathFinder
 from pathlib import Path
+import site
+import sys
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
@@ -33,10 +36,25 @@ def _files(*patterns: str) -> list[str]:
         str(path.relative_to(HERE)) for pattern in patterns for path in HERE.glob(pattern))
 
 
+def _opencv() -> list[str]:
+    """
+    Name OpenCV where there is none; what the user has is kept.
+
+    It comes by apt and as four pip packages that overwrite one another, and the newest asks for
+    numpy 2. Looked for where pip will install, which is not what its isolated build can import.
+    """
+    folders = site.getsitepackages()
+    if sys.prefix == sys.base_prefix:
+        folders.append(site.getusersitepackages())
+    return [] if PathFinder.find_spec('cv2', folders) else ['opencv-python-headless>=4.6']
+
+
 setup(
     name=NAME,
     version=_manifest('version'),
     description=_manifest('description'),
+    author=_manifest('author'),
+    url=_manifest('url'),
     maintainer=_manifest('maintainer'),
     maintainer_email=MANIFEST.find('maintainer').attrib['email'],
     license=_manifest('license'),
@@ -50,9 +68,13 @@ setup(
     ],
     python_requires='>=3.10',
     # No ROS package here: apt's ROS has no pip names (a pip-only machine: requirements/ros.txt).
-    install_requires=[
-        'setuptools', 'numpy>=1.26', 'opencv-python-headless>=4.6', 'numba', 'pyyaml'],
-    extras_require={'bag': ['rosbags'], 'demo': ['rich'], 'test': ['pytest']},
+    install_requires=['setuptools', 'numpy>=1.26', *_opencv(), 'numba', 'pyyaml'],
+    extras_require={
+        'bag': ['rosbags'],
+        'demo': ['rich'],
+        'test': ['hypothesis', 'matplotlib', 'psutil', 'pytest', 'rich', 'rosbags',
+                 'scikit-image'],
+    },
     zip_safe=False,
     entry_points={
         'console_scripts': [

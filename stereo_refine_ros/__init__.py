@@ -18,4 +18,4 @@ __version__ = '0.1.0'
 
 from stereo_refine_ros.kernel_cache import use_versioned_cache
 
-use_versioned_cache()
+KERNELS = use_versioned_cache()

@@ -72,9 +72,11 @@ def main(args: list[str] | None = None) -> int:
 
     from stereo_refine_ros.memory import keep_freed_memory
     from stereo_refine_ros.node.refine_node import RefineNode
+    from stereo_refine_ros.shared_memory import fit_to_host
     if not stop.may_open():
         return 0
     keep_freed_memory()
+    fit_to_host(rclpy.logging.get_logger('refine_node').warning)
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = RefineNode()

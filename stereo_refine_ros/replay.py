@@ -26,6 +26,7 @@ from stereo_refine_ros.datasets.folder import iterate_folder, list_pairs
 from stereo_refine_ros.datasets.middlebury import load_scene
 from stereo_refine_ros.datasets.scene import Scene
 from stereo_refine_ros.datasets.synthetic import render_scene
+from stereo_refine_ros.shared_memory import fit_to_host
 
 _DEFAULT_SCENE = 'cones'
 _DEFAULT_RATE_HZ = 5.0
@@ -95,6 +96,7 @@ def main(args: Sequence[str] | None = None) -> int:
 
     arguments = list(sys.argv if args is None else ['replay', *args])
     options = build_parser().parse_args(remove_ros_args(arguments)[1:])
+    fit_to_host(lambda text: print(f'replay: {text}', file=sys.stderr))
     rclpy.init(args=arguments)
     try:
         count = _play(options)

@@ -17,11 +17,14 @@ Compile every kernel before the first frame, at a first start in a process of it
 
 A compiler leaves some 150 MB behind where it ran, and holds up the interpreter's other threads
 for seconds at a time. What it made lies in the cache, and loads from there in half a second.
+`python -m stereo_refine_ros.warm_up` fills the cache ahead of that, where an image is built.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import argparse
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 import ctypes
 import hashlib
 import json
@@ -30,12 +33,15 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
+import time
 
 import cv2
 import numba
+from numba.core import event
 import numpy as np
 
-from stereo_refine_ros.params import load_preset, Params
+from stereo_refine_ros import KERNELS
+from stereo_refine_ros.params import load_preset, Params, PRESETS, SPECS
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.frame import measure_frame
 from stereo_refine_ros.types import FloatMap, RefinementResult, StereoPair
@@ -44,6 +50,10 @@ Progress = Callable[[str], None]
 Refine = Callable[[Params, StereoPair, FloatMap | None], RefinementResult]
 
 _PR_SET_PDEATHSIG = 1  # from prctl.h
+_HEARTBEAT_S = 10.0
+_CHILD = '--for-process'
+# The parameters whose choices decide which kernels run.
+_COMPUTING = ('matching', 'segmentation', 'planes', 'filter', 'rectification', 'temporal')
 
 
 def run_kernels(params: Params, refine: Refine, progress: Progress = lambda text: None) -> None:
@@ -75,6 +85,40 @@ def run_kernels(params: Params, refine: Refine, progress: Progress = lambda text
         measure_frame(result, pair, truth)
 
 
+@contextmanager
+def compiled_counted(progress: Progress, every_s: float = _HEARTBEAT_S) -> Iterator[None]:
+    """
+    Tell how many kernels were compiled so far, from time to time, while the block runs.
+
+    Parameters
+    ----------
+    progress : callable of str
+        Told the number.
+    every_s : float
+        At most this often, in seconds.
+
+    """
+    counter = _Counter(progress, every_s)
+    with event.install_listener('numba:compile', counter):
+        yield
+
+
+class _Counter(event.Listener):
+
+    def __init__(self, progress: Progress, every_s: float) -> None:
+        self._progress, self._every_s = progress, every_s
+        self._count, self._told = 0, time.monotonic()
+
+    def on_start(self, event: event.Event) -> None:
+        pass
+
+    def on_end(self, event: event.Event) -> None:
+        self._count += 1
+        if time.monotonic() - self._told >= self._every_s:
+            self._told = time.monotonic()
+            self._progress(f'kernels: {self._count} are done')
+
+
 def compile_apart(params: Params, progress: Progress = lambda text: None) -> None:
     """
     Fill the cache from a child process, unless that was done before.
@@ -83,10 +127,12 @@ def compile_apart(params: Params, progress: Progress = lambda text: None) -> Non
     with its parent.
     """
     mark = _mark(params)
+    if KERNELS.is_private:
+        progress(f'kernels for {KERNELS.folder}, since {KERNELS.wanted} cannot be written')
     if mark is None or mark.exists():
         return
-    command = [sys.executable, '-m', 'stereo_refine_ros.warm_up', str(os.getpid()), str(mark),
-               json.dumps(params.as_dict())]
+    command = [sys.executable, '-m', 'stereo_refine_ros.warm_up', _CHILD, str(os.getpid()),
+               str(mark), json.dumps(params.as_dict())]
     try:
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
             assert child.stdout is not None
@@ -96,16 +142,39 @@ def compile_apart(params: Params, progress: Progress = lambda text: None) -> Non
         progress(f'kernels here: {error}')
 
 
+def compile_presets(presets: Sequence[str], progress: Progress) -> None:
+    """Fill the cache with what these presets need, in this process."""
+    for preset in presets:
+        params = load_preset(preset)
+        mark = _mark(params)
+        if mark is not None and mark.exists():
+            progress(f'{preset}: kernels are there')
+            continue
+        _compile(params, mark, _prefixed(preset, progress))
+
+
+def _prefixed(preset: str, progress: Progress) -> Progress:
+    return lambda step: progress(f'{preset}: {step}')
+
+
+def _compile(params: Params, mark: Path | None, progress: Progress) -> None:
+    with compiled_counted(progress):
+        run_kernels(params, lambda params, pair, preliminary: StereoRefiner(params).process(
+            pair.left, pair.right, preliminary), progress)
+    if mark is not None:
+        mark.touch()
+
+
 def _mark(params: Params) -> Path | None:
     """Return the file that says that these kernels are in the cache; None where none is kept."""
     folder = os.environ.get('NUMBA_CACHE_DIR')
     if folder is None or numba.config.DISABLE_JIT:
         return None
-    kinds = (params.matching.method, params.planes.projection, params.planes.spread,
-             params.filter.method)
+    kinds = [(spec.name, params.as_dict()[spec.name]) for spec in SPECS
+             if spec.name.split('.')[0] in _COMPUTING and (spec.choices or spec.type is bool)]
     versions = (sys.version, numba.__version__, np.__version__)
     digest = hashlib.sha256(repr((kinds, versions)).encode()).hexdigest()[:16]
-    return Path(folder) / f'compiled-{digest}'
+    return Path(folder) / f'compiled-{KERNELS.state}-{digest}'
 
 
 def _end_with(parent: int) -> None:
@@ -117,15 +186,39 @@ def _end_with(parent: int) -> None:
         sys.exit(1)
 
 
-def main() -> None:
-    """Compile: arguments are the parent's process id, the mark to set and the parameters."""
-    parent, mark, values = sys.argv[1:]
+def _child(parent: str, mark: str, values: str) -> None:
     _end_with(int(parent))
     params = load_preset('live', json.loads(values))
-    run_kernels(params, lambda params, pair, preliminary: StereoRefiner(params).process(
-        pair.left, pair.right, preliminary), lambda text: print(text, flush=True))
-    Path(mark).touch()
+    _compile(params, Path(mark), lambda text: print(text, flush=True))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='python -m stereo_refine_ros.warm_up',
+        description='Compile the kernels into the cache, for example while an image is built, '
+        'so that the first start is as quick as any other.')
+    parser.add_argument('--preset', action='append', choices=PRESETS,
+                        help='only the kernels of this preset; may be repeated (default: all)')
+    parser.add_argument(_CHILD, nargs=3, metavar=('PARENT', 'MARK', 'PARAMETERS'),
+                        help=argparse.SUPPRESS)
+    return parser
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Compile what the command line asks for; return 1 where it cannot be kept."""
+    options = _parser().parse_args(args)
+    if options.for_process:
+        _child(*options.for_process)
+        return 0
+    if KERNELS.is_private:
+        print(f'warm_up: {KERNELS.wanted} cannot be written by user {os.geteuid()}; set '
+              'NUMBA_CACHE_DIR to a folder that can, and to the same one where the node runs',
+              file=sys.stderr)
+        return 1
+    compile_presets(options.preset or PRESETS, lambda text: print(text, flush=True))
+    print(f'kernels are in {KERNELS.folder}')
+    return 0
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

@@ -17,10 +17,14 @@
 from pathlib import Path
 
 import numpy as np
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import get_typestore, Stores
+import pytest
 
-from stereo_refine_ros.types import StereoGeometry
+pytest.importorskip('rosbags', reason='rosbags (python3-rosbags-pip) is not installed')
+
+from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
+from rosbags.typesys import get_typestore, Stores  # noqa: E402
+
+from stereo_refine_ros.types import StereoGeometry  # noqa: E402
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 STORAGES = {'mcap': StoragePlugin.MCAP, 'sqlite3': StoragePlugin.SQLITE3}

@@ -19,6 +19,8 @@ import signal
 import subprocess
 import sys
 
+import numba
+import numpy as np
 import psutil
 import pytest
 from stereo_refine_ros import warm_up
@@ -52,15 +54,38 @@ def kernels(folder):
     return {path.relative_to(folder): path.stat().st_mtime_ns for path in folder.rglob('*.nb?')}
 
 
+def named(steps):
+    """Leave out how many kernels were done meanwhile, which depends on the machine."""
+    return [step for step in steps if not step.endswith(' are done')]
+
+
+def test_what_was_compiled_is_counted():
+    @numba.njit
+    def next_number(value):
+        return value + 1
+
+    told = []
+    with warm_up.compiled_counted(told.append, every_s=0):
+        assert next_number(1) == 2 and next_number(2) == 3 and next_number(1.5) == 2.5
+    assert told == ['kernels: 1 are done', 'kernels: 2 are done']
+    next_number(1j)
+    assert len(told) == 2
+    with warm_up.compiled_counted(told.append, every_s=3600):
+        next_number(np.float32(1))
+    assert len(told) == 2
+
+
 def test_a_child_compiles_all_that_a_frame_needs_and_only_once(tmp_path, monkeypatch):
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
     steps = []
     warm_up.compile_apart(load_preset('live'), steps.append)
-    assert steps == ['kernels for colour images (1 of 2)', 'kernels for grey images (2 of 2)']
+    assert named(steps) == [
+        'kernels for colour images (1 of 2)', 'kernels for grey images (2 of 2)']
     made = kernels(tmp_path)
     assert len(made) > 50
+    steps.clear()
     warm_up.compile_apart(load_preset('live'), steps.append)
-    assert len(steps) == 2
+    assert steps == []
     subprocess.run([sys.executable, '-c', FRAME], check=True, timeout=60)
     assert kernels(tmp_path) == made
 
@@ -79,7 +104,8 @@ def test_the_compiler_ends_with_its_parent(tmp_path):
 def test_a_child_without_its_parent_does_nothing(tmp_path):
     mark = tmp_path / 'mark'
     done = subprocess.run(
-        [sys.executable, '-m', 'stereo_refine_ros.warm_up', '1', str(mark), '{}'], timeout=60)
+        [sys.executable, '-m', 'stereo_refine_ros.warm_up', '--for-process', '1', str(mark), '{}'],
+        timeout=60)
     assert done.returncode == 1 and not mark.exists()
 
 
@@ -89,6 +115,57 @@ def test_where_no_process_may_be_started_the_first_call_compiles(tmp_path, monke
     steps = []
     warm_up.compile_apart(load_preset('live'), steps.append)
     assert 'nothing' in steps[0] and not any(tmp_path.iterdir())
+
+
+def test_the_command_compiles_a_preset_once_for_this_processor(tmp_path):
+    command = [sys.executable, '-m', 'stereo_refine_ros.warm_up', '--preset', 'live']
+    environment = {**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)}
+    runs = [subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+            for _ in range(2)]
+    assert [done.returncode for done in runs] == [0, 0], runs[0].stderr
+    assert named(runs[0].stdout.splitlines()) == [
+        'live: kernels for colour images (1 of 2)', 'live: kernels for grey images (2 of 2)',
+        f'kernels are in {tmp_path}']
+    assert runs[1].stdout.splitlines() == [
+        'live: kernels are there', f'kernels are in {tmp_path}']
+    started = subprocess.run(
+        [sys.executable, '-c', PARENT], env=environment, capture_output=True, text=True)
+    assert started.stdout == ''
+    with subprocess.Popen(
+            [sys.executable, '-c', PARENT], stdout=subprocess.PIPE, text=True,
+            env={**environment, 'NUMBA_CPU_NAME': 'nehalem', 'NUMBA_CPU_FEATURES': ''}) as other:
+        assert other.stdout.readline() == 'kernels for colour images (1 of 2)\n'
+        other.kill()
+
+
+def test_the_command_compiles_every_preset_by_default(monkeypatch):
+    compiled = []
+    monkeypatch.setattr(warm_up, 'compile_presets', lambda names, _: compiled.extend(names))
+    assert warm_up.main([]) == 0
+    assert compiled == ['live', 'accurate', 'paper']
+
+
+def test_the_command_fails_where_nothing_would_be_kept(tmp_path):
+    (tmp_path / 'file').touch()
+    done = subprocess.run(
+        [sys.executable, '-m', 'stereo_refine_ros.warm_up'], capture_output=True, text=True,
+        env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path / 'file' / 'cache'),
+             'TMPDIR': str(tmp_path)}, timeout=60)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f'warm_up: {tmp_path}/file/cache cannot be written by user ')
+    assert 'set NUMBA_CACHE_DIR' in done.stderr
+
+
+def test_the_log_says_that_a_private_folder_is_used(tmp_path):
+    (tmp_path / 'file').touch()
+    wanted = str(tmp_path / 'file' / 'cache')
+    done = subprocess.run(
+        [sys.executable, '-c', PARENT.replace('compile_apart', '_mark = lambda _: None\n'
+                                              'warm_up.compile_apart')],
+        capture_output=True, text=True, timeout=60,
+        env={**os.environ, 'NUMBA_CACHE_DIR': wanted, 'TMPDIR': str(tmp_path)})
+    folder = next((tmp_path / f'stereo_refine_ros-{os.geteuid()}').iterdir())
+    assert done.stdout == f'kernels for {folder}, since {wanted} cannot be written\n'
 
 
 def test_without_a_cache_no_child_is_started(monkeypatch):

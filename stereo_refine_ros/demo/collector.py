@@ -85,7 +85,7 @@ class Collector(Node):
 
     @property
     def frame(self) -> DemoFrame | None:
-        """The newest frame of which every output came."""
+        """Return the newest frame of which every output came."""
         if self._whole is None:
             return None
         labels, confidence = self._whole['segments'], self._whole.get(_CONFIDENCE)

@@ -47,7 +47,7 @@ class Combination:
     """One cell of the paper's tables: which matcher, which filter, which projection."""
 
     matching: str
-    filter: str
+    filter: str  # noqa: A003
     projection: str
 
     def __str__(self) -> str:

@@ -54,7 +54,7 @@ class Match:
 
     @property
     def fit_data(self) -> FloatMap:
-        """What planes are fitted to: `subpixel` where there is one, else `disparity`."""
+        """Return what planes are fitted to: `subpixel` where there is one, else `disparity`."""
         return self.disparity.values if self.subpixel is None else self.subpixel
 
     @property

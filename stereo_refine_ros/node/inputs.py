@@ -33,6 +33,7 @@ from stereo_msgs.msg import DisparityImage
 from stereo_refine_ros.node.frame import (
     Calibration, LEFT, LEFT_INFO, PRELIMINARY, RIGHT, RIGHT_INFO, TRUTH)
 from stereo_refine_ros.node.pairing import MessageSet, Pairing
+from stereo_refine_ros.node.topics import input_topic
 from stereo_refine_ros.params import Params
 
 TYPES: dict[str, type] = {
@@ -101,7 +102,9 @@ class Inputs:
         if wanted:
             needed = {*self.pairing.required, *self.pairing.optional, LEFT_INFO, RIGHT_INFO}
             needed -= set() if with_truth else {TRUTH}
-        for topic in set(self._subscriptions) - needed:
+        moved = {topic for topic, subscription in self._subscriptions.items()
+                 if subscription.topic_name != input_topic(self._node, topic)}
+        for topic in set(self._subscriptions) - needed | moved:
             self._node.destroy_subscription(self._subscriptions.pop(topic))
         if wanted and not self._subscriptions:
             self._listening_since = time.monotonic()
@@ -122,7 +125,7 @@ class Inputs:
 
     def full_name(self, topic: str) -> str:
         """Name a topic, and what it is remapped to."""
-        resolved = self._node.resolve_topic_name(topic)
+        resolved = input_topic(self._node, topic)
         return topic if resolved == f'/{topic}' else f'{topic} ({resolved})'
 
     def _subscribe(self, topic: str) -> Subscription:
@@ -131,7 +134,8 @@ class Inputs:
                 depth=qos_profile_sensor_data.depth,
                 reliability=qos_profile_sensor_data.reliability)
             return self._node.create_subscription(
-                TYPES[topic], topic, lambda message: self._receive(topic, message), profile,
+                TYPES[topic], input_topic(self._node, topic),
+                lambda message: self._receive(topic, message), profile,
                 event_callbacks=events,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies())
         try:

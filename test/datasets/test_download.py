@@ -32,6 +32,7 @@ from stereo_refine_ros.datasets.middlebury import read_scene
 
 
 class _Quiet(SimpleHTTPRequestHandler):
+
     def log_message(self, *args):
         pass
 

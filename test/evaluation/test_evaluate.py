@@ -169,6 +169,7 @@ def test_missing_bag_is_one_line(tmp_path, capsys):
 
 def test_progress_in_a_terminal_redraws_one_line():
     class Terminal(io.StringIO):
+
         def isatty(self):
             return True
 

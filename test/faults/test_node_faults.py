@@ -216,7 +216,7 @@ STORMY = [spec for spec in SPECS if not spec.name.startswith('sync')
 
 
 def random_values(rng):
-    """A few parameters; about one set in three has a value that must be refused."""
+    """Draw a few parameters; about one set in three has a value that must be refused."""
     chosen, is_good = {}, True
     for spec in rng.choice(STORMY, rng.integers(1, 6), replace=False):
         wrong = rng.random() < 0.15

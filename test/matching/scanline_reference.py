@@ -28,7 +28,7 @@ def grey_of(image):
 
 
 def census_bits(grey, y, x):
-    """List the 24 comparisons of a 5x5 window: is the neighbour darker than the centre?"""
+    """List the 24 comparisons of a 5x5 window: whether a neighbour is darker than the centre."""
     height, width = grey.shape
     return [
         bool(grey[min(max(y + dy, 0), height - 1), min(max(x + dx, 0), width - 1)] < grey[y, x])

@@ -190,7 +190,7 @@ class Client:
         self.node.destroy_client(client)
         return future.result()
 
-    def set(self, **values):
+    def set(self, **values):  # noqa: A003
         """Set parameters one by one; `__` in a name stands for a dot."""
         return self.call(SetParameters, 'set_parameters',
                          SetParameters.Request(parameters=parameter_messages(values))).results
@@ -216,7 +216,7 @@ class Client:
 
 
 def header_of(message):
-    """The header of a message, for a MarkerArray that of its first marker."""
+    """Return the header of a message, for a MarkerArray that of its first marker."""
     return message.header if hasattr(message, 'header') else message.markers[0].header
 
 
@@ -234,7 +234,7 @@ def wait_until(condition: Callable[[], bool], timeout_s: float, what: Callable[[
 
 
 def textured_pair(width: int = 160, height: int = 96, disparity: int = 6, color: bool = True):
-    """A blurred noise image and its copy shifted by a whole number of pixels."""
+    """Give a blurred noise image and its copy shifted by a whole number of pixels."""
     rng = np.random.default_rng(7)
     shape = (height, width + disparity, 3) if color else (height, width + disparity)
     wide = cv2.blur(rng.integers(0, 256, shape, np.uint8), (3, 3))
@@ -266,7 +266,7 @@ def camera_info(width: int, height: int, stamp: int, focal: float = 200.0, cx: f
 
 def stereo_messages(left: np.ndarray, right: np.ndarray, stamp: int, focal: float = 200.0,
                     baseline: float = 0.1, cx_left: float = 80.0, cx_right: float = 80.0) -> dict:
-    """The four messages of a pair."""
+    """Give the four messages of a pair."""
     height, width = left.shape[:2]
     encoding = 'bgr8' if left.ndim == 3 else 'mono8'
     return {
@@ -277,6 +277,6 @@ def stereo_messages(left: np.ndarray, right: np.ndarray, stamp: int, focal: floa
 
 
 def floats(message: Image) -> np.ndarray:
-    """The pixels of a 32FC1 image."""
+    """Return the pixels of a 32FC1 image."""
     assert message.encoding == '32FC1' and message.step == 4 * message.width
     return np.frombuffer(message.data, np.float32).reshape(message.height, message.width)

@@ -101,7 +101,7 @@ def test_an_incompatible_publisher_and_a_silent_remapped_topic_are_named(make_cl
 
 
 def external_messages(values, stamp, **fields):
-    """A pair whose disparity comes from somebody else."""
+    """Give a pair whose disparity comes from somebody else."""
     sent = stereo_messages(*PAIR, stamp)
     message = DisparityImage(f=200.0, t=0.1, min_disparity=0.0, max_disparity=31.0)
     for name, value in fields.items():

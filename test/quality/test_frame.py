@@ -26,7 +26,7 @@ from stereo_refine_ros.types import DisparityMap, PlaneSegmentation, RefinementR
 
 
 def frame():
-    """A result of three segments, one of them without a plane."""
+    """Make a result of three segments, one of them without a plane."""
     rng = np.random.default_rng(1)
     image = rng.integers(0, 256, (20, 32), dtype=np.uint8)
     truth = np.full((20, 32), 6, np.float32)

@@ -25,7 +25,7 @@ from stereo_refine_ros.types import StereoPair
 
 
 def shifted_pair(disparity=3, shape=(24, 40)):
-    """A pair of one fronto-parallel plane: what left shows at x, right shows at x - d."""
+    """Make a pair of one fronto-parallel plane: what left shows at x, right shows at x - d."""
     rng = np.random.default_rng(5)
     wide = rng.integers(0, 256, (shape[0], shape[1] + disparity), dtype=np.uint8)
     return StereoPair(wide[:, :shape[1]].copy(), wide[:, disparity:].copy())
