@@ -108,8 +108,8 @@ class NodeUnderTest:
 def good_set(stamp: int, external: bool) -> Messages:
     """Return a good set: a textured pair, shifted by 6 px."""
     from stereo_msgs.msg import DisparityImage
-    from stereo_refine_ros.node.conversions import fill_image
-    from stereo_refine_ros.node.publishing import (
+    from stereo_refine_ros.messages.images import fill_image
+    from stereo_refine_ros.messages.scene import (
         camera_info_messages, image_message, nominal_geometry, scene_header)
     from builtin_interfaces.msg import Time
     wide = np.random.default_rng(7).integers(0, 256, (HEIGHT, WIDTH + 6, 3), np.uint8)

@@ -22,9 +22,9 @@ import math
 
 from malformed import random_disparity, random_image, random_info
 import numpy as np
+from stereo_refine_ros.camera_info import stereo_geometry
 from stereo_refine_ros.encodings import BadMessage, decode_image
-from stereo_refine_ros.node.camera import stereo_geometry
-from stereo_refine_ros.node.disparity_messages import read_disparity
+from stereo_refine_ros.messages.disparity import read_disparity
 
 WIDTH, HEIGHT = 64, 48
 

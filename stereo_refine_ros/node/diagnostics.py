@@ -21,9 +21,9 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from stereo_refine_ros.messages.metrics import decimal
 from stereo_refine_ros.node.ledger import Counts
-from stereo_refine_ros.node.metrics_message import decimal
-from stereo_refine_ros.node.pairing import Pairing
+from stereo_refine_ros.pairing import Pairing
 
 ADVICE = {
     'encoding': 'publish one of the encodings in the README, or convert with image_proc',

@@ -25,11 +25,11 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
+from stereo_refine_ros.camera_info import stereo_geometry
 from stereo_refine_ros.encodings import BadMessage, check_image, decode_image
-from stereo_refine_ros.node.camera import stereo_geometry
-from stereo_refine_ros.node.disparity_messages import (
+from stereo_refine_ros.messages.disparity import (
     check_disparity, read_disparity, ReceivedDisparity, resize_disparity)
-from stereo_refine_ros.node.pairing import MessageSet
+from stereo_refine_ros.pairing import MessageSet
 from stereo_refine_ros.types import FloatMap, Image as Pixels, StereoGeometry, StereoPair
 
 LEFT, RIGHT = 'left/image_rect', 'right/image_rect'

@@ -32,7 +32,7 @@ from stereo_msgs.msg import DisparityImage
 
 from stereo_refine_ros.node.frame import (
     Calibration, LEFT, LEFT_INFO, PRELIMINARY, RIGHT, RIGHT_INFO, TRUTH)
-from stereo_refine_ros.node.pairing import MessageSet, Pairing
+from stereo_refine_ros.pairing import MessageSet, Pairing
 from stereo_refine_ros.params import Params
 
 TYPES: dict[str, type] = {

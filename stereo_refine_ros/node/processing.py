@@ -29,12 +29,12 @@ from std_msgs.msg import Header
 
 from stereo_refine_ros.encodings import BadMessage
 from stereo_refine_ros.matching import compute_match
-from stereo_refine_ros.node.disparity_messages import disparity_message
+from stereo_refine_ros.messages.disparity import disparity_message
+from stereo_refine_ros.messages.metrics import metrics_message
+from stereo_refine_ros.messages.outputs import color_map, depth_map, image_message, point_cloud
+from stereo_refine_ros.messages.plane_markers import large_planes, plane_markers
 from stereo_refine_ros.node.frame import decode_frame, decode_truth, DecodedFrame, Frame
 from stereo_refine_ros.node.ledger import Ledger
-from stereo_refine_ros.node.metrics_message import metrics_message
-from stereo_refine_ros.node.outputs import color_map, depth_map, image_message, point_cloud
-from stereo_refine_ros.node.plane_markers import large_planes, plane_markers
 from stereo_refine_ros.node.worker import FIRST, Turn
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.pipeline import StereoRefiner

@@ -32,11 +32,11 @@ from stereo_refine_ros.node.diagnostics import (
 from stereo_refine_ros.node.frame import Calibration, check_frame, Frame
 from stereo_refine_ros.node.inputs import Inputs
 from stereo_refine_ros.node.ledger import Counts, Ledger, Throttle
-from stereo_refine_ros.node.pairing import MessageSet
 from stereo_refine_ros.node.parameters import NodeParameters
 from stereo_refine_ros.node.processing import FrameProcessor, Surroundings
 from stereo_refine_ros.node.publishers import Publishers
 from stereo_refine_ros.node.worker import Afterwork, Worker
+from stereo_refine_ros.pairing import MessageSet
 from stereo_refine_ros.params import Params
 
 WARN_PERIOD_S = 10.0

@@ -25,11 +25,11 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import CameraInfo, Image
 
+from stereo_refine_ros.camera_info import stereo_geometry
 from stereo_refine_ros.encodings import BadMessage, decode_image, ENCODINGS
-from stereo_refine_ros.node.camera import stereo_geometry
-from stereo_refine_ros.node.disparity_messages import read_disparity
+from stereo_refine_ros.messages.disparity import read_disparity
 from stereo_refine_ros.node.frame import Calibration, check_frame, decode_frame
-from stereo_refine_ros.node.pairing import MessageSet
+from stereo_refine_ros.pairing import MessageSet
 
 pytestmark = pytest.mark.ros
 FUZZ = Path(__file__).resolve().parents[2] / 'benchmarks' / 'fuzz.py'

@@ -46,7 +46,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from sensor_msgs.msg import CameraInfo, Image  # noqa: E402
 from stereo_msgs.msg import DisparityImage  # noqa: E402
 
-from stereo_refine_ros.node.conversions import fill_image  # noqa: E402
+from stereo_refine_ros.messages.images import fill_image  # noqa: E402
 
 TYPES = {'left/image_rect': Image, 'right/image_rect': Image, 'left/camera_info': CameraInfo,
          'right/camera_info': CameraInfo, 'preliminary/disparity': DisparityImage,

@@ -23,11 +23,11 @@ from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
+from stereo_refine_ros.camera_info import stereo_geometry
 from stereo_refine_ros.encodings import BadMessage
-from stereo_refine_ros.node.camera import stereo_geometry
-from stereo_refine_ros.node.conversions import fill_image
-from stereo_refine_ros.node.disparity_messages import (
+from stereo_refine_ros.messages.disparity import (
     disparity_message, read_disparity, resize_disparity)
+from stereo_refine_ros.messages.images import fill_image
 from stereo_refine_ros.types import DisparityMap, StereoGeometry
 
 NAN = np.nan

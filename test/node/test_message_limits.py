@@ -20,10 +20,10 @@ import pytest
 from sensor_msgs.msg import Image
 from stereo_msgs.msg import DisparityImage
 
+from stereo_refine_ros.camera_info import FOCAL_PX, is_within, stereo_geometry
 from stereo_refine_ros.encodings import BadMessage, decode_image, MAX_PIXELS, MAX_SIDE
-from stereo_refine_ros.node.camera import FOCAL_PX, is_within, stereo_geometry
-from stereo_refine_ros.node.conversions import fill_image
-from stereo_refine_ros.node.disparity_messages import check_disparity, read_disparity
+from stereo_refine_ros.messages.disparity import check_disparity, read_disparity
+from stereo_refine_ros.messages.images import fill_image
 
 pytestmark = pytest.mark.ros
 

@@ -27,7 +27,7 @@ import pytest
 from rclpy.qos import ReliabilityPolicy
 from stereo_msgs.msg import DisparityImage
 
-from stereo_refine_ros.node.conversions import fill_image
+from stereo_refine_ros.messages.images import fill_image
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
 

@@ -22,11 +22,11 @@ import numpy as np
 import pytest
 
 from stereo_refine_ros.encodings import BadMessage
+from stereo_refine_ros.messages.metrics import decimal
 from stereo_refine_ros.node.frame import Calibration, check_frame
 from stereo_refine_ros.node.ledger import Counts, Ledger, Throttle
-from stereo_refine_ros.node.metrics_message import decimal
-from stereo_refine_ros.node.pairing import MessageSet
 from stereo_refine_ros.node.processing import FrameProcessor, Surroundings
+from stereo_refine_ros.pairing import MessageSet
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
 

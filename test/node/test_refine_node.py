@@ -22,9 +22,9 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
-from stereo_refine_ros.node.conversions import fill_image
-from stereo_refine_ros.node.outputs import color_map, depth_map, point_cloud
-from stereo_refine_ros.node.plane_markers import large_planes, plane_markers
+from stereo_refine_ros.messages.images import fill_image
+from stereo_refine_ros.messages.outputs import color_map, depth_map, point_cloud
+from stereo_refine_ros.messages.plane_markers import large_planes, plane_markers
 from stereo_refine_ros.quality.frame import measure_frame
 from stereo_refine_ros.types import DisparityMap, StereoPair
 from visualization_msgs.msg import MarkerArray

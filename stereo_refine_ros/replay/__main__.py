@@ -113,12 +113,12 @@ def main(args: Sequence[str] | None = None) -> int:
 
 def _play(options: argparse.Namespace) -> int:
     if options.bag:
-        from stereo_refine_ros.node.bag_player import BagPlayer
+        from stereo_refine_ros.replay.bag_player import BagPlayer
         topics = [topic for topic in options.topics.split(',') if topic]
         bag_player = BagPlayer(options.bag, topics)
         return bag_player.play(options.rate or 1.0, options.loops, options.wait)
     scenes = scene_source(options)
-    from stereo_refine_ros.node.scene_player import ScenePlayer
+    from stereo_refine_ros.replay.scene_player import ScenePlayer
     player = ScenePlayer(options.encoding)
     return player.play(scenes, options.rate or _DEFAULT_RATE_HZ, options.loops, options.wait)
 

@@ -12,11 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Geometry of a rectified pair from its two CameraInfo messages."""
+"""
+Geometry of a rectified pair from the fields of its two CameraInfo messages.
+
+Here because messages come from ROS and, without it, from bags; both have the same fields.
+"""
 
 from __future__ import annotations
 
-from sensor_msgs.msg import CameraInfo
+from collections.abc import Sequence
+from typing import Any, Protocol
 
 from stereo_refine_ros.encodings import BadMessage
 from stereo_refine_ros.types import StereoGeometry
@@ -27,7 +32,18 @@ BASELINE_M = (1e-6, 1e4)
 _PRINCIPAL_POINT_PX = 1e6
 
 
-def stereo_geometry(left: CameraInfo, right: CameraInfo, width: int, height: int
+class CameraInfoFields(Protocol):
+    """The fields of sensor_msgs/CameraInfo that are read, from whatever library."""
+
+    height: int
+    width: int
+    p: Sequence[float]
+    binning_x: int
+    binning_y: int
+    roi: Any
+
+
+def stereo_geometry(left: CameraInfoFields, right: CameraInfoFields, width: int, height: int
                     ) -> StereoGeometry:
     """
     Read focal length, baseline and principal points from the projection matrices P.
@@ -67,7 +83,7 @@ def is_within(value: float, limits: tuple[float, float]) -> bool:
     return limits[0] <= value <= limits[1]
 
 
-def _projection(name: str, info: CameraInfo) -> tuple[float, float, float, float]:
+def _projection(name: str, info: CameraInfoFields) -> tuple[float, float, float, float]:
     """Return fx, fy, cx, cy in pixels of the image that was sent."""
     if len(info.p) != 12:
         raise BadMessage('focal_length', f'{name}: P has {len(info.p)} values instead of 12')
@@ -84,7 +100,7 @@ def _projection(name: str, info: CameraInfo) -> tuple[float, float, float, float
     return sent
 
 
-def _check_size(name: str, info: CameraInfo, width: int, height: int) -> None:
+def _check_size(name: str, info: CameraInfoFields, width: int, height: int) -> None:
     full = (info.roi.width or info.width, info.roi.height or info.height)
     if full == (0, 0):
         return  # some drivers leave the size out

@@ -32,9 +32,9 @@ from numpy.typing import NDArray
 from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
+from stereo_refine_ros.camera_info import BASELINE_M, FOCAL_PX, is_within
 from stereo_refine_ros.encodings import BadMessage, check_layout, pixels_of
-from stereo_refine_ros.node.camera import BASELINE_M, FOCAL_PX, is_within
-from stereo_refine_ros.node.conversions import fill_image
+from stereo_refine_ros.messages.images import fill_image
 from stereo_refine_ros.types import DisparityMap, FloatMap, StereoGeometry
 
 DELTA_D = 1.0 / 16.0  # the step of OpenCV's matchers; refined values are finer

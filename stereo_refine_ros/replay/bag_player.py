@@ -30,7 +30,7 @@ from rosbags.interfaces import Connection
 from rosgraph_msgs.msg import Clock
 
 from stereo_refine_ros.datasets.rosbag import open_bag
-from stereo_refine_ros.node.pacing import (
+from stereo_refine_ros.replay.pacing import (
     REPLAY_QOS, sleep_until, wait_delivered, wait_for_subscribers)
 
 _CLOCK_PERIOD_S = 0.01

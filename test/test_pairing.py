@@ -17,7 +17,7 @@
 from hypothesis import given, settings, strategies as st
 import pytest
 
-from stereo_refine_ros.node.pairing import ALIVE_S, GRACE_S, Pairing
+from stereo_refine_ros.pairing import ALIVE_S, GRACE_S, Pairing
 
 MS = 1_000_000
 
