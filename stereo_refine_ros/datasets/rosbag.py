@@ -21,18 +21,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 import sqlite3
-from typing import Any
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.typesys import get_typestore, Stores
 
 from stereo_refine_ros.encodings import decode_image
-from stereo_refine_ros.types import Image, StereoGeometry, StereoPair
+from stereo_refine_ros.pairing import Pairing
+from stereo_refine_ros.types import StereoPair
 
 IMAGE_TYPE = 'sensor_msgs/msg/Image'
-INFO_TYPE = 'sensor_msgs/msg/CameraInfo'
 IMAGE_TOPICS = ('left/image_rect', 'right/image_rect')
+_SIDES = ('left', 'right')
 _NS = 1_000_000_000
 
 
@@ -46,14 +46,11 @@ class BagPair:
     stamp_ns : int
         Stamp of the left image.
     pair : StereoPair
-    geometry : StereoGeometry or None
-        From the newest camera_info of both views, None while there is none.
 
     """
 
     stamp_ns: int
     pair: StereoPair
-    geometry: StereoGeometry | None
 
 
 def iterate_pairs(path: str | Path, left_topic: str = IMAGE_TOPICS[0],
@@ -81,20 +78,17 @@ def iterate_pairs(path: str | Path, left_topic: str = IMAGE_TOPICS[0],
 
     """
     store = get_typestore(Stores.ROS2_JAZZY)
+    pairing = Pairing(_SIDES, slop_ns=round(slop_s * _NS), queue_size=queue_size)
     with open_bag(path) as reader:
-        role_of = _roles(reader.connections, left_topic, right_topic)
-        wanted = [item for item in reader.connections if item.topic in role_of]
-        waiting: dict[str, dict[int, Image]] = {'left': {}, 'right': {}}
-        infos: dict[str, Any] = {}
-        for connection, _, raw in reader.messages(wanted):
+        side_of = _sides(reader.connections, left_topic, right_topic)
+        wanted = [item for item in reader.connections if item.topic in side_of]
+        for connection, recorded_ns, raw in reader.messages(wanted):
             message = store.deserialize_cdr(raw, connection.msgtype)
-            role = role_of[connection.topic]
-            if role.endswith('_info'):
-                infos[role] = message
-                continue
-            complete = _offer(waiting, role, message, round(slop_s * _NS), queue_size)
-            if complete is not None:
-                yield BagPair(*complete, _geometry(infos))
+            stamp = message.header.stamp
+            for found in pairing.add(side_of[connection.topic], stamp.sec * _NS + stamp.nanosec,
+                                     message, recorded_ns / _NS):
+                views = [decode_image(side, found.messages[side]) for side in _SIDES]
+                yield BagPair(found.stamp_ns, StereoPair(*views))
 
 
 @contextmanager
@@ -143,39 +137,6 @@ def find_topic(connections: list[Connection], name: str, kind: str) -> str:
     return found[0]
 
 
-def _roles(connections: list[Connection], left_topic: str, right_topic: str) -> dict[str, str]:
-    roles = {}
-    recorded = {item.topic for item in connections if item.msgtype == INFO_TYPE}
-    for role, name in (('left', left_topic), ('right', right_topic)):
-        topic = find_topic(connections, name, IMAGE_TYPE)
-        roles[topic] = role
-        info = topic.rpartition('/')[0] + '/camera_info'
-        if info in recorded:
-            roles[info] = f'{role}_info'
-    return roles
-
-
-def _offer(waiting: dict[str, dict[int, Image]], role: str, message: Any, slop_ns: int,
-           queue_size: int) -> tuple[int, StereoPair] | None:
-    """Take an image in; return its stamp and pair when the partner is already there."""
-    stamp = message.header.stamp.sec * _NS + message.header.stamp.nanosec
-    other = 'right' if role == 'left' else 'left'
-    partner = min(waiting[other], key=lambda candidate: abs(candidate - stamp), default=None)
-    image = decode_image(role, message)
-    if partner is None or abs(partner - stamp) > slop_ns:
-        waiting[role][stamp] = image
-        while len(waiting[role]) > queue_size:
-            del waiting[role][next(iter(waiting[role]))]
-        return None
-    views = {role: image, other: waiting[other].pop(partner)}
-    return (stamp if role == 'left' else partner), StereoPair(views['left'], views['right'])
-
-
-def _geometry(infos: dict[str, Any]) -> StereoGeometry | None:
-    if len(infos) < 2:
-        return None
-    left, right = infos['left_info'].p, infos['right_info'].p
-    if right[0] == 0:
-        return None
-    return StereoGeometry(float(right[0]), float(-right[3] / right[0]), float(left[2]),
-                          float(left[6]), float(right[2]))
+def _sides(connections: list[Connection], left_topic: str, right_topic: str) -> dict[str, str]:
+    return {find_topic(connections, name, IMAGE_TYPE): side
+            for side, name in zip(_SIDES, (left_topic, right_topic), strict=True)}
