@@ -19,13 +19,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-import cv2
 import numpy as np
 
+from stereo_refine_ros.datasets.images import read_pair, SUFFIXES
 from stereo_refine_ros.datasets.scene import Scene
-from stereo_refine_ros.types import Image, StereoGeometry, StereoPair
+from stereo_refine_ros.grey_range import SteadyRange
+from stereo_refine_ros.types import StereoGeometry
 
-_SUFFIXES = ('.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.ppm', '.pgm')
 _NOT_VIEWS = ('disp', 'mask')
 
 
@@ -53,8 +53,9 @@ def list_pairs(folder: str | Path) -> list[tuple[str, Path, Path]]:
 def iterate_folder(folder: str | Path) -> Iterator[Scene]:
     """Yield the pairs of `folder` as scenes, with the geometry of its `calib.txt` if any."""
     geometry = read_projections(Path(folder) / 'calib.txt')
+    steady = SteadyRange()
     for name, left, right in list_pairs(folder):
-        yield Scene(name, StereoPair(_read(left), _read(right)), geometry=geometry)
+        yield Scene(name, read_pair(left, right, steady), geometry=geometry)
 
 
 def read_projections(path: Path) -> StereoGeometry | None:
@@ -92,12 +93,4 @@ def _views(root: Path, side: str) -> dict[str, Path]:
 
 
 def _is_image(path: Path) -> bool:
-    return path.suffix.lower() in _SUFFIXES
-
-
-def _read(path: Path) -> Image:
-    """Read an image as it is stored, grey or BGR."""
-    image = cv2.imread(str(path), cv2.IMREAD_ANYCOLOR)
-    if image is None:
-        raise ValueError(f'{path}: no readable image')
-    return np.asarray(image, np.uint8)
+    return path.suffix.lower() in SUFFIXES

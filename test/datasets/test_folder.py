@@ -69,6 +69,17 @@ def test_other_calibration_files_are_left_alone(tmp_path, text):
     assert read_projections(tmp_path / 'absent.txt') is None
 
 
+def test_16_bits_of_a_sequence_share_one_scale(tmp_path):
+    ramp = np.linspace(200, 3800, 24).reshape(4, 6).astype(np.uint16)
+    for side in ('left', 'right'):
+        (tmp_path / side).mkdir()
+        for index, gain in enumerate((1.0, 0.9)):
+            cv2.imwrite(str(tmp_path / side / f'{index}.png'), (ramp * gain).astype(np.uint16))
+    first, second = (scene.pair.left for scene in iterate_folder(tmp_path))
+    assert first.dtype == np.uint8 and first.std() > 50
+    np.testing.assert_allclose(second + 12.0, (first + 12.0) * 0.9, atol=3)
+
+
 def test_missing_partner_and_empty_folder_are_named(tmp_path):
     with pytest.raises(FileNotFoundError, match='no pairs'):
         list_pairs(tmp_path)
