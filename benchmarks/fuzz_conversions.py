@@ -23,7 +23,7 @@ import math
 from malformed import random_disparity, random_image, random_info
 import numpy as np
 from stereo_refine_ros.camera_info import stereo_geometry
-from stereo_refine_ros.encodings import BadMessage, decode_image
+from stereo_refine_ros.encodings import BadMessage, decode_image, ENCODINGS
 from stereo_refine_ros.messages.disparity import read_disparity
 
 WIDTH, HEIGHT = 64, 48
@@ -65,8 +65,9 @@ def _convert_image(rng: np.random.Generator, report: Report) -> None:
     message = random_image(rng)
     pixels = decode_image('image', message)
     report.expect(
-        pixels.dtype == np.uint8 and pixels.shape[:2] == (message.height, message.width)
-        and len(message.data) == message.step * message.height,
+        pixels.dtype == f'u{ENCODINGS[message.encoding].item_bytes}'
+        and pixels.shape[:2] == (message.height, message.width)
+        and len(message.data) >= message.width * message.height,
         f'{message.encoding} {message.width} x {message.height} became {pixels.shape}')
     if message.encoding in ('mono8', 'bgr8'):
         row, column = message.height - 1, message.width - 1

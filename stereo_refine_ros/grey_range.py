@@ -25,6 +25,7 @@ from __future__ import annotations
 import threading
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -83,6 +84,13 @@ class SteadyRange:
             self._table = np.rint(np.clip(levels, 0, 255)).astype(np.uint8)
 
 
+def same_kind(left: Image, right: Image) -> tuple[Image, Image]:
+    """Turn both views grey where only one of them is."""
+    if left.ndim == right.ndim:
+        return left, right
+    return _grey(left), _grey(right)
+
+
 def _range_of(views: list[Deep]) -> tuple[int, int]:
     steps = [max(1, round((view.shape[0] * view.shape[1] / _SAMPLES) ** 0.5)) for view in views]
     sample = np.concatenate([
@@ -104,3 +112,9 @@ def _fits(limits: tuple[int, int], low: int, high: int) -> bool:
     black, white = limits
     is_used = high - low >= _USED * (white - black) or white - black == _LEAST
     return black <= low and high <= white and is_used
+
+
+def _grey(image: Image) -> Image:
+    if image.ndim == 2:
+        return image
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)

@@ -23,8 +23,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.grey_range import SteadyRange
-from stereo_refine_ros.types import Image, StereoPair
+from stereo_refine_ros.grey_range import same_kind, SteadyRange
+from stereo_refine_ros.types import StereoPair
 
 SUFFIXES = ('.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.ppm', '.pgm', '.webp')
 _AS_STORED = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
@@ -52,13 +52,6 @@ def read_pair(left: Path, right: Path, steady: SteadyRange) -> StereoPair:
         return StereoPair(*same_kind(*views))
     except ValueError as error:
         raise ValueError(f'{left}, {right}: {error}') from error
-
-
-def same_kind(left: Image, right: Image) -> tuple[Image, Image]:
-    """Turn both views grey where only one of them is."""
-    if left.ndim == right.ndim:
-        return left, right
-    return _grey(left), _grey(right)
 
 
 def read_levels(path: Path) -> NDArray[Any] | None:
@@ -97,9 +90,3 @@ def _read_view(path: Path) -> NDArray[Any]:
     if image.dtype not in (np.uint8, np.uint16):
         raise ValueError(f'{path}: pixels are {image.dtype}; expected 8 or 16 bits')
     return image
-
-
-def _grey(image: Image) -> Image:
-    if image.ndim == 2:
-        return image
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)

@@ -27,6 +27,7 @@ from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.typesys import get_typestore, Stores
 
 from stereo_refine_ros.encodings import decode_image
+from stereo_refine_ros.grey_range import same_kind, SteadyRange
 from stereo_refine_ros.pairing import Pairing
 from stereo_refine_ros.types import StereoPair
 
@@ -78,6 +79,7 @@ def iterate_pairs(path: str | Path, left_topic: str = IMAGE_TOPICS[0],
 
     """
     store = get_typestore(Stores.ROS2_JAZZY)
+    steady = SteadyRange()
     pairing = Pairing(_SIDES, slop_ns=round(slop_s * _NS), queue_size=queue_size)
     with open_bag(path) as reader:
         side_of = _sides(reader.connections, left_topic, right_topic)
@@ -88,7 +90,8 @@ def iterate_pairs(path: str | Path, left_topic: str = IMAGE_TOPICS[0],
             for found in pairing.add(side_of[connection.topic], stamp.sec * _NS + stamp.nanosec,
                                      message, recorded_ns / _NS):
                 views = [decode_image(side, found.messages[side]) for side in _SIDES]
-                yield BagPair(found.stamp_ns, StereoPair(*views))
+                yield BagPair(found.stamp_ns,
+                              StereoPair(*same_kind(*steady.to_8bit(*views))))
 
 
 @contextmanager

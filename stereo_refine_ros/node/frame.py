@@ -19,7 +19,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-import cv2
 import numpy as np
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
@@ -27,10 +26,11 @@ from stereo_msgs.msg import DisparityImage
 
 from stereo_refine_ros.camera_info import stereo_geometry
 from stereo_refine_ros.encodings import BadMessage, check_image, decode_image
+from stereo_refine_ros.grey_range import same_kind, SteadyRange
 from stereo_refine_ros.messages.disparity import (
     check_disparity, read_disparity, ReceivedDisparity, resize_disparity)
 from stereo_refine_ros.pairing import MessageSet
-from stereo_refine_ros.types import FloatMap, Image as Pixels, StereoGeometry, StereoPair
+from stereo_refine_ros.types import FloatMap, StereoGeometry, StereoPair
 
 LEFT, RIGHT = 'left/image_rect', 'right/image_rect'
 LEFT_INFO, RIGHT_INFO = 'left/camera_info', 'right/camera_info'
@@ -126,8 +126,10 @@ def decode_frame(frame: Frame) -> DecodedFrame:
     """Decode the pixels of a checked frame."""
     left = decode_image(LEFT, frame.left)
     right = None if frame.right is None else decode_image(RIGHT, frame.right)
-    if right is not None and left.ndim != right.ndim:
-        left, right = _to_grey(left), _to_grey(right)
+    if right is None:
+        left, = SteadyRange().to_8bit(left)
+    else:
+        left, right = same_kind(*SteadyRange().to_8bit(left, right))
     pair = StereoPair(left, right)
     if frame.preliminary is not None:
         return _with_preliminary(frame, frame.preliminary, pair)
@@ -200,12 +202,6 @@ def _calibrated(calibration: Calibration, left: Image) -> StereoGeometry | None:
     if calibration.left is None or calibration.right is None:
         return None
     return stereo_geometry(calibration.left, calibration.right, left.width, left.height)
-
-
-def _to_grey(pixels: Pixels) -> Pixels:
-    if pixels.ndim == 2:
-        return pixels
-    return cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY).reshape(pixels.shape[:2])
 
 
 def _check_same_size(left: Image, right: Image) -> None:
