@@ -37,6 +37,10 @@ class CameraInfoFields(Protocol):
 
     height: int
     width: int
+    distortion_model: str
+    d: Sequence[float]
+    k: Sequence[float]
+    r: Sequence[float]
     p: Sequence[float]
     binning_x: int
     binning_y: int
@@ -66,8 +70,8 @@ def stereo_geometry(left: CameraInfoFields, right: CameraInfoFields, width: int,
         With reason 'camera_info_size', 'focal_length' or 'baseline'.
 
     """
-    _check_size('left/camera_info', left, width, height)
-    _check_size('right/camera_info', right, width, height)
+    check_info_size('left/camera_info', left, width, height)
+    check_info_size('right/camera_info', right, width, height)
     _, _, cx_left, cy = _projection('left/camera_info', left)
     fx, fy, cx_right, _ = _projection('right/camera_info', right)
     baseline = -float(right.p[3]) / float(right.p[0])
@@ -100,7 +104,8 @@ def _projection(name: str, info: CameraInfoFields) -> tuple[float, float, float,
     return sent
 
 
-def _check_size(name: str, info: CameraInfoFields, width: int, height: int) -> None:
+def check_info_size(name: str, info: CameraInfoFields, width: int, height: int) -> None:
+    """Check that a camera_info is of the image's size; raise BadMessage otherwise."""
     full = (info.roi.width or info.width, info.roi.height or info.height)
     if full == (0, 0):
         return  # some drivers leave the size out
