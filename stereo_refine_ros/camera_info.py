@@ -21,6 +21,7 @@ Here because messages come from ROS and, without it, from bags; both have the sa
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from stereo_refine_ros.encodings import BadMessage
@@ -45,6 +46,32 @@ class CameraInfoFields(Protocol):
     binning_x: int
     binning_y: int
     roi: Any
+
+
+@dataclass(frozen=True)
+class Region:
+    """The fields of sensor_msgs/RegionOfInterest; all of the image by default."""
+
+    x_offset: int = 0
+    y_offset: int = 0
+    height: int = 0
+    width: int = 0
+
+
+@dataclass
+class CameraModel:
+    """The fields of sensor_msgs/CameraInfo, for calibrations that come from files."""
+
+    width: int
+    height: int
+    distortion_model: str
+    d: Sequence[float]
+    k: Sequence[float]
+    r: Sequence[float]
+    p: Sequence[float]
+    binning_x: int = 0
+    binning_y: int = 0
+    roi: Region = field(default_factory=Region)
 
 
 def stereo_geometry(left: CameraInfoFields, right: CameraInfoFields, width: int, height: int
