@@ -29,7 +29,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.interfaces import Connection
 from rosgraph_msgs.msg import Clock
 
-from stereo_refine_ros.datasets.rosbag import open_bag
+from stereo_refine_ros.datasets.bag_file import bag_messages, open_bag
 from stereo_refine_ros.replay.pacing import (
     REPLAY_QOS, sleep_until, wait_delivered, wait_for_subscribers)
 
@@ -96,7 +96,7 @@ class BagPlayer(Node):
             with open_bag(self._path) as reader:
                 wanted = [connection for connection in reader.connections
                           if connection.topic in self._publishers_by_topic]
-                count += self._play_once(reader.messages(wanted), speed)
+                count += self._play_once(bag_messages(reader, wanted), speed)
             loop += 1
         wait_delivered(self, publishers)
         return count

@@ -25,6 +25,7 @@ import numpy as np
 import pytest
 from scene_folder import small_scene
 
+from stereo_refine_ros.datasets import iterate_folder
 from stereo_refine_ros.evaluation.plot import PANELS, plot_svg
 from stereo_refine_ros.evaluation.video import (
     average, bag_frames, Frame, measure_video, sequence_frames, suggested_disparities, write_csv)
@@ -102,7 +103,7 @@ def test_sequence_in_the_order_of_names(tmp_path, scenes):
         (tmp_path / side).mkdir()
         for number, scene in enumerate(scenes):
             cv2.imwrite(str(tmp_path / side / f'{number:06d}.png'), getattr(scene.pair, side))
-    frames = list(sequence_frames(tmp_path))
+    frames = list(sequence_frames(iterate_folder(tmp_path)))
     assert [frame.time for frame in frames] == [0, 1, 2]
     np.testing.assert_array_equal(frames[2].pair.left, scenes[2].pair.left)
     assert suggested_disparities(tmp_path) is None
