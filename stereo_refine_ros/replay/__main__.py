@@ -17,78 +17,23 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from collections.abc import Sequence
+import os
 import signal
 import sys
 
-from stereo_refine_ros.datasets.folder import iterate_folder, list_pairs
-from stereo_refine_ros.datasets.middlebury import load_scene
-from stereo_refine_ros.datasets.scene import Scene
-from stereo_refine_ros.datasets.synthetic import render_scene
-
-_DEFAULT_SCENE = 'cones'
-_DEFAULT_RATE_HZ = 5.0
-
-
-def build_parser() -> argparse.ArgumentParser:
-    """Return the command line of `replay`, without the ROS arguments."""
-    parser = argparse.ArgumentParser(
-        prog='replay', description='Publish stereo pairs, or a rosbag2, as messages: '
-        'left|right/image_rect, left|right/camera_info, ground_truth/disparity where known. '
-        'Remap with --ros-args -r FROM:=TO.')
-    source = parser.add_mutually_exclusive_group()
-    source.add_argument('--scene', metavar='NAME[,NAME]', help='Middlebury scenes (default: '
-                        f'{_DEFAULT_SCENE}); downloaded to the cache where not found')
-    source.add_argument('--folder', metavar='DIR', help='left/ and right/ with equal file names, '
-                        'or NAME_left.* and NAME_right.*')
-    source.add_argument('--synthetic', action='store_true',
-                        help='the built-in scene of slanted planes with exact ground truth')
-    source.add_argument('--bag', metavar='PATH', help='rosbag2 folder, mcap or sqlite3; '
-                        'publishes /clock too')
-    parser.add_argument('--data', metavar='DIR', help='folder of the Middlebury scenes '
-                        '(default: STEREO_REFINE_DATA, ../shared, the cache)')
-    parser.add_argument('--rate', type=_positive, metavar='R', help='pairs a second (default: '
-                        f'{_DEFAULT_RATE_HZ:g}); with --bag the speed factor (default: 1)')
-    repeat = parser.add_mutually_exclusive_group()
-    repeat.add_argument('--once', dest='loops', action='store_const', const=1, default=1,
-                        help='play through once (the default)')
-    repeat.add_argument('--loop', dest='loops', type=_count, nargs='?', const=0, metavar='N',
-                        help='play N times over, without N for ever')
-    parser.add_argument('--encoding', choices=('bgr8', 'mono8'), default='bgr8',
-                        help='of the images (not with --bag)')
-    parser.add_argument('--topics', metavar='A,B', default='',
-                        help='with --bag: publish only these recorded topics')
-    parser.add_argument('--wait', type=_seconds, default=5.0, metavar='S', help='longest wait '
-                        'for subscribers before the first message, 0 for none (default: 5)')
-    parser.add_argument('--seed', type=_count, default=0, help='of the synthetic scene')
-    return parser
-
-
-def scene_source(options: argparse.Namespace) -> Callable[[], Iterable[Scene]]:
-    """
-    Return a function that gives the scenes asked for, anew for every loop.
-
-    Raises
-    ------
-    FileNotFoundError, ConnectionError, ValueError
-        When there is nothing to play.
-
-    """
-    if options.folder:
-        list_pairs(options.folder)
-        return partial(iterate_folder, options.folder)
-    if options.synthetic:
-        scenes: list[Scene] = [render_scene(options.seed)]
-    else:
-        names = (options.scene or _DEFAULT_SCENE).split(',')
-        scenes = [load_scene(name.strip(), options.data) for name in names]
-    return lambda: scenes
+from stereo_refine_ros.dds_profile import profile_variables
+from stereo_refine_ros.params import preset_path
+from stereo_refine_ros.replay.keyboard import Keyboard
+from stereo_refine_ros.replay.options import (
+    build_parser, chosen_topics, DEFAULT_RATE_HZ, scene_source)
+from stereo_refine_ros.replay.timeline import Timeline
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run `replay`; return the exit status."""
-    # Late, so that the choice of scenes can be used where there is no ROS.
+    # Late: the middleware reads its variables when it is loaded.
+    _give_images_room()
     import rclpy
     from rclpy.executors import ExternalShutdownException
     from rclpy.utilities import remove_ros_args
@@ -113,35 +58,27 @@ def main(args: Sequence[str] | None = None) -> int:
 
 def _play(options: argparse.Namespace) -> int:
     if options.bag:
-        from stereo_refine_ros.replay.bag_player import BagPlayer
-        topics = [topic for topic in options.topics.split(',') if topic]
-        bag_player = BagPlayer(options.bag, topics)
-        return bag_player.play(options.rate or 1.0, options.loops, options.wait)
+        from stereo_refine_ros.replay.bag_player import BagPlayer, Excerpt
+        excerpt = Excerpt(
+            tuple(chosen_topics(options.topics)), tuple(chosen_topics(options.exclude_topics)),
+            options.start_offset, options.playback_duration)
+        timeline = Timeline(options.rate or 1.0, options.start_paused)
+        with Keyboard(not options.disable_keyboard_controls) as keyboard:
+            return BagPlayer(options.bag, excerpt, timeline, keyboard, options.clock).play(
+                options.loops, options.wait, options.delay)
     scenes = scene_source(options)
     from stereo_refine_ros.replay.scene_player import ScenePlayer
     player = ScenePlayer(options.encoding)
-    return player.play(scenes, options.rate or _DEFAULT_RATE_HZ, options.loops, options.wait)
+    return player.play(scenes, options.rate or DEFAULT_RATE_HZ, options.loops, options.wait)
 
 
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value <= 1000.0:
-        raise argparse.ArgumentTypeError(f'{text} is outside 0 to 1000')
-    return value
-
-
-def _seconds(text: str) -> float:
-    value = float(text)
-    if not 0.0 <= value <= 3600.0:
-        raise argparse.ArgumentTypeError(f'{text} is outside 0 to 3600')
-    return value
-
-
-def _count(text: str) -> int:
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f'{text} is negative')
-    return value
+def _give_images_room() -> None:
+    """Use the Fast DDS profile that this package ships, unless something else is chosen."""
+    try:
+        config = preset_path('live').parent
+    except FileNotFoundError:
+        return
+    os.environ.update(profile_variables(config, os.environ))
 
 
 if __name__ == '__main__':

@@ -12,11 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node behind `replay --bag`: a rosbag2 as messages, byte for byte, with a clock."""
+"""The node behind `replay --bag`: a rosbag2 as messages, byte for byte."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
+from dataclasses import dataclass
 import importlib
 from pathlib import Path
 import time
@@ -27,15 +28,42 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.interfaces import Connection
+from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
 
 from stereo_refine_ros.datasets.bag_file import bag_messages, open_bag
+from stereo_refine_ros.replay.keyboard import FASTER, HELP, Keyboard, NEXT, PAUSE
 from stereo_refine_ros.replay.pacing import (
     REPLAY_QOS, sleep_until, wait_delivered, wait_for_subscribers)
+from stereo_refine_ros.replay.timeline import Timeline
 
-_CLOCK_PERIOD_S = 0.01
+_TICK_S = 0.01
 _CLOCK_WAIT_S = 0.5
 _NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """
+    What of a bag is played.
+
+    Attributes
+    ----------
+    topics, without : tuple of str
+        Recorded names to publish (all where there are none), and those left out.
+    offset_s, duration_s : float
+        Seconds of the bag to leave out first and to play then; 0 plays to the end.
+
+    """
+
+    topics: tuple[str, ...] = ()
+    without: tuple[str, ...] = ()
+    offset_s: float = 0.0
+    duration_s: float = 0.0
+
+    def takes(self, topic: str) -> bool:
+        """Whether a topic is played."""
+        return (not self.topics or topic in self.topics) and topic not in self.without
 
 
 class BagPlayer(Node):
@@ -45,44 +73,52 @@ class BagPlayer(Node):
     Parameters
     ----------
     path : str or Path
-        The bag's folder.
-    topics : collection of str, optional
-        Recorded names to publish; all of them by default.
+        The bag's folder or file.
+    excerpt : Excerpt
+    timeline : Timeline
+        Speed and pause.
+    keyboard : Keyboard
+        Changes them, where there is a terminal.
+    clock_hz : float
+        How often the time of the bag goes out on /clock, besides with every message; 0 for never.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        When there is no such bag, or none of its topics can be published.
+        When there is no such bag, or none of its messages can be published.
 
     """
 
-    def __init__(self, path: str | Path, topics: Collection[str] = ()) -> None:
+    def __init__(self, path: str | Path, excerpt: Excerpt, timeline: Timeline,
+                 keyboard: Keyboard, clock_hz: float) -> None:
         """Read the bag's list of topics and create a publisher for each."""
         super().__init__('replay')
-        self._path = Path(path)
-        with open_bag(self._path) as reader:
-            wanted = [connection for connection in reader.connections
-                      if connection.topic != '/clock' and connection.msgcount > 0
-                      and (not topics or connection.topic in topics)]
+        self._path, self._excerpt = Path(path), excerpt
+        self._timeline, self._keyboard = timeline, keyboard
+        self._clock_period_s = 1.0 / clock_hz if clock_hz else None
+        self._clock_due = 0.0
         self._publishers_by_topic: dict[str, Publisher] = {}
-        for connection in wanted:
-            self._advertise(connection)
-        if not self._publishers_by_topic:
-            raise ValueError(f'bag: {path} has no messages that can be published here')
-        self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
+        with open_bag(self._path) as reader:
+            for connection in reader.connections:
+                if (connection.topic != '/clock' and connection.msgcount > 0
+                        and excerpt.takes(connection.topic)):
+                    self._advertise(connection)
+            self._check(reader)
+        self._clock_publisher = (
+            self.create_publisher(Clock, '/clock', 10) if clock_hz else None)
 
-    def play(self, speed: float, loops: int, wait_s: float) -> int:
+    def play(self, loops: int, wait_s: float, delay_s: float) -> int:
         """
         Publish the bag `loops` times over; return how many messages went out.
 
         Parameters
         ----------
-        speed : float
-            1 plays as recorded, 2 twice as fast.
         loops : int
             How often, 0 for ever.
         wait_s : float
             How long to wait for subscribers first.
+        delay_s : float
+            How long to wait then.
 
         """
         publishers = list(self._publishers_by_topic.values())
@@ -90,40 +126,77 @@ class BagPlayer(Node):
             self.get_logger().warning(
                 f'nobody subscribes to {", ".join(sorted(self._publishers_by_topic))} after '
                 f'{wait_s:g} s; publishing all the same (remap with --ros-args -r FROM:=TO)')
-        wait_for_subscribers(self, [self._clock_publisher], min(wait_s, _CLOCK_WAIT_S))
+        if self._clock_publisher is not None:
+            wait_for_subscribers(self, [self._clock_publisher], min(wait_s, _CLOCK_WAIT_S))
+        if self._keyboard.is_there:
+            self.get_logger().info(HELP)
+        sleep_until(self, time.monotonic() + delay_s)
         count = loop = 0
         while (loops == 0 or loop < loops) and self.context.ok():
             with open_bag(self._path) as reader:
                 wanted = [connection for connection in reader.connections
                           if connection.topic in self._publishers_by_topic]
-                count += self._play_once(bag_messages(reader, wanted), speed)
+                count += self._play_once(bag_messages(reader, wanted, *self._span(reader)))
             loop += 1
         wait_delivered(self, publishers)
         return count
 
-    def _play_once(self, messages: Iterable[tuple[Connection, int, bytes]], speed: float) -> int:
-        count, now_ns, due = 0, None, time.monotonic()
+    def _play_once(self, messages: Iterable[tuple[Connection, int, bytes]]) -> int:
+        count = 0
         for connection, stamp_ns, raw in messages:
-            if now_ns is not None and not self._advance(now_ns, stamp_ns, due, speed):
+            if count == 0:
+                self._timeline.begin(stamp_ns)
+            if not self._wait_for(stamp_ns):
                 break
-            due += (stamp_ns - (now_ns or stamp_ns)) / _NS / speed
-            now_ns = stamp_ns
+            self._timeline.passed(stamp_ns)
             self._publish_clock(stamp_ns)
             self._publishers_by_topic[connection.topic].publish(bytes(raw))
             count += 1
         return count
 
-    def _advance(self, from_ns: int, to_ns: int, start: float, speed: float) -> bool:
-        """Let the bag's time run to `to_ns`, ticking the clock; False when ROS shuts down."""
-        end = start + (to_ns - from_ns) / _NS / speed
-        while end - time.monotonic() > _CLOCK_PERIOD_S:
-            if not sleep_until(self, time.monotonic() + _CLOCK_PERIOD_S):
+    def _wait_for(self, stamp_ns: int) -> bool:
+        """Let the bag's time run to `stamp_ns`, ticking the clock; False when ROS shuts down."""
+        while True:
+            self._obey_keys()
+            wait_s = self._timeline.wait_s(stamp_ns)
+            if wait_s <= _TICK_S:
+                return sleep_until(self, time.monotonic() + wait_s) and self.context.ok()
+            if not sleep_until(self, time.monotonic() + _TICK_S):
                 return False
-            played = max(0.0, time.monotonic() - start) * speed
-            self._publish_clock(min(to_ns, from_ns + int(played * _NS)))
-        return sleep_until(self, end)
+            if self._clock_period_s is not None and time.monotonic() >= self._clock_due:
+                self._publish_clock(min(stamp_ns, self._timeline.position_ns))
+
+    def _obey_keys(self) -> None:
+        for key in self._keyboard.keys():
+            if key == PAUSE:
+                self._timeline.toggle()
+                self.get_logger().info('paused' if self._timeline.is_paused else 'going on')
+            elif key == NEXT:
+                self._timeline.step()
+            else:
+                self._timeline.change_speed(key == FASTER)
+                self.get_logger().info(f'rate {self._timeline.speed:.3g}')
+
+    def _span(self, reader: Reader) -> tuple[int | None, int | None]:
+        """Return the recorded times between which is played."""
+        start_ns = reader.start_time + round(self._excerpt.offset_s * _NS)
+        duration_s = self._excerpt.duration_s
+        return start_ns, start_ns + round(duration_s * _NS) if duration_s else None
+
+    def _check(self, reader: Reader) -> None:
+        if not self._publishers_by_topic:
+            there = sorted({item.topic for item in reader.connections if item.msgcount > 0})
+            raise ValueError(f'bag: {self._path} has no messages that can be published here; its '
+                             f'topics are {", ".join(there) or "none"}')
+        length_s = (reader.end_time - reader.start_time) / _NS
+        if self._excerpt.offset_s > length_s:
+            raise ValueError(f'--start-offset {self._excerpt.offset_s:g}: the bag is '
+                             f'{length_s:.1f} s long')
 
     def _publish_clock(self, stamp_ns: int) -> None:
+        if self._clock_publisher is None or self._clock_period_s is None:
+            return
+        self._clock_due = time.monotonic() + self._clock_period_s
         seconds, nanoseconds = divmod(stamp_ns, _NS)
         self._clock_publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
 

@@ -20,8 +20,10 @@ import cv2
 from listener import BEST_EFFORT, KIND_OF, pixels, replaying, stamp_ns
 import numpy as np
 import pytest
+from real_scenes import real_scene_folder
 
-from stereo_refine_ros.datasets import load_scene, render_scene
+from stereo_refine_ros import dds_profile
+from stereo_refine_ros.datasets import iterate_folder, load_scene, render_scene
 
 pytestmark = pytest.mark.ros
 
@@ -116,10 +118,48 @@ def test_folder_without_truth(listen, tmp_path):
     assert listener.received['right/camera_info'][0].p[3] == pytest.approx(-8 * 0.1)
 
 
+def test_raw_euroc_folder_goes_out_rectified_with_its_calibration(listen):
+    folder = real_scene_folder('../sequences/euroc_raw_excerpt')
+    topics = {name: kind for name, kind in KIND_OF.items() if 'truth' not in name}
+    listener = listen(topics)
+    with replaying('--folder', folder, '--rate', 20, '--encoding', 'mono8') as process:
+        listener.wait(_has(listener, 1, topics))
+        process.terminate()
+    expected = next(iter(iterate_folder(folder)))
+    np.testing.assert_array_equal(
+        pixels(listener.received['left/image_rect'][0]), expected.pair.left)
+    info = listener.received['right/camera_info'][0]
+    assert info.p[3] / info.p[0] == pytest.approx(-0.11008, abs=1e-5)
+    assert list(info.d) == [0.0] * 5
+
+
+def test_two_patterns(listen, tmp_path):
+    for index in range(3):
+        for side, level in (('a', 10 * index), ('b', 10 * index + 5)):
+            cv2.imwrite(str(tmp_path / f'{side}{index}.png'), np.full((6, 8), level, np.uint8))
+    listener = listen()
+    with replaying('--left', tmp_path / 'a*', '--right', tmp_path / 'b*', '--rate', 20,
+                   '--encoding', 'mono8'):
+        listener.wait(_has(listener, 3, ['left/image_rect', 'right/image_rect']))
+    levels = [pixels(message)[0, 0] for message in listener.received['right/image_rect']]
+    assert levels == [5, 15, 25]
+
+
+def test_whole_images_reach_a_best_effort_subscriber_without_a_profile_of_its_own(listen):
+    """The plain 512 KiB of Fast DDS lose most colour images of this size."""
+    if dds_profile.free_shared_memory() < 256 << 20:
+        pytest.skip('too little shared memory')
+    names = ['left/image_rect', 'right/image_rect']
+    listener = listen({name: KIND_OF[name] for name in names}, qos=BEST_EFFORT)
+    with replaying('--scene', 'cones', '--loop', 20, '--rate', 10):
+        listener.wait(_has(listener, 19, names))
+
+
 @pytest.mark.parametrize('options, reason', [
     (['--scene', 'nowhere'], "scene 'nowhere'"), (['--folder', '/nowhere'], 'no pairs'),
     (['--data', '/nowhere'], '--data'), (['--bag', '/nowhere'], 'bag: /nowhere does not exist'),
-    (['--bag', '/dev'], 'bag: /dev: '),
+    (['--bag', '/dev'], 'bag: /dev: '), (['--left', 'a*'], 'go together'),
+    (['--left', 'a*', '--right', 'b*'], 'finds 0 images'),
     (['--rate', '0'], '--rate'), (['--bag', 'b', '--synthetic'], 'not allowed')])
 def test_what_cannot_be_played_is_one_clear_error(options, reason):
     with replaying(*options) as process:
