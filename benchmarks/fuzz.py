@@ -102,7 +102,7 @@ class NodeUnderTest:
 
     def counts(self) -> Any:
         """Return the node's own counters."""
-        return self.node._ledger.counts()
+        return self.node._counters.counts()
 
 
 def good_set(stamp: int, external: bool) -> Messages:

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from stereo_refine_ros.node.ledger import Counts
+from stereo_refine_ros.node.counters import Counts
 from stereo_refine_ros.node.metrics_message import decimal
 from stereo_refine_ros.node.pairing import Pairing
 
@@ -39,6 +39,15 @@ ADVICE = {
 }
 LOW_VALID_RATIO = 0.3
 SLOW_SHARE = 0.1
+
+
+@dataclass(frozen=True)
+class FrameSummary:
+    """What /diagnostics needs of the last frame."""
+
+    frame_id: str = ''
+    latency_ms: float = float('nan')
+    valid_ratio: float = float('nan')
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from stereo_refine_ros.node.camera import stereo_geometry
 from stereo_refine_ros.node.disparity_messages import (
     check_disparity, read_disparity, ReceivedDisparity, resize_disparity)
 from stereo_refine_ros.node.pairing import MessageSet
+from stereo_refine_ros.params import Params
 from stereo_refine_ros.types import FloatMap, Image as Pixels, StereoGeometry, StereoPair
 
 LEFT, RIGHT = 'left/image_rect', 'right/image_rect'
@@ -133,6 +134,17 @@ def decode_frame(frame: Frame) -> DecodedFrame:
         return _with_preliminary(frame, frame.preliminary, pair)
     assert frame.geometry is not None
     return DecodedFrame(pair, frame.geometry)
+
+
+def with_declared_range(params: Params, search_range: tuple[int, int] | None) -> Params:
+    """Take the search range that an external matcher declared, if parameters can hold it."""
+    if search_range is None:
+        return params
+    try:
+        return params.updated({'matching.min_disparity': search_range[0],
+                               'matching.num_disparities': search_range[1]})
+    except ValueError:
+        return params
 
 
 def decode_truth(frame: Frame, geometry: StereoGeometry) -> tuple[

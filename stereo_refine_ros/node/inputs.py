@@ -49,7 +49,7 @@ class Inputs:
     ----------
     node : rclpy.node.Node
     params : Params
-    on_set : callable of MessageSet and Calibration
+    on_messages : callable of MessageSet and Calibration
         Called for every complete set.
     on_hold : callable
         Called when a set waits for optional messages: `release` is to be called soon.
@@ -59,11 +59,11 @@ class Inputs:
     """
 
     def __init__(self, node: Node, params: Params,
-                 on_set: Callable[[MessageSet, Calibration], None],
+                 on_messages: Callable[[MessageSet, Calibration], None],
                  on_hold: Callable[[], None], on_incompatible: Callable[[str], None]) -> None:
         """Listen to nothing yet."""
         self._node = node
-        self._on_set = on_set
+        self._on_messages = on_messages
         self._on_hold = on_hold
         self._on_incompatible = on_incompatible
         self._subscriptions: dict[str, Subscription] = {}
@@ -158,6 +158,6 @@ class Inputs:
 
     def _emit(self, ready: list[MessageSet]) -> None:
         for found in ready:
-            self._on_set(found, self._calibration)
+            self._on_messages(found, self._calibration)
         if self.pairing.holds:
             self._on_hold()

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The live node: wiring of parameters, inputs, worker, outputs and diagnostics."""
+"""The live node, read downwards: messages come in, a frame is refined, results go out."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from collections.abc import Callable
 import time
 from typing import Any
 
+import cv2
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -27,17 +28,24 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_msgs.msg import Header
 
 from stereo_refine_ros.encodings import BadMessage
+from stereo_refine_ros.node.counters import Counts, FrameCounters, Throttle
 from stereo_refine_ros.node.diagnostics import (
-    ADVICE, describe_lag, diagnostic_array, diagnostic_status, Health)
-from stereo_refine_ros.node.frame import Calibration, check_frame, Frame
+    ADVICE, describe_lag, diagnostic_array, diagnostic_status, FrameSummary, Health)
+from stereo_refine_ros.node.disparity_messages import disparity_message
+from stereo_refine_ros.node.frame import (
+    Calibration, check_frame, decode_frame, decode_truth, Frame, with_declared_range)
+from stereo_refine_ros.node.frame_refiner import FrameRefiner
 from stereo_refine_ros.node.inputs import Inputs
-from stereo_refine_ros.node.ledger import Counts, Ledger, Throttle
+from stereo_refine_ros.node.metrics_message import metrics_message
 from stereo_refine_ros.node.pairing import MessageSet
 from stereo_refine_ros.node.parameters import NodeParameters
-from stereo_refine_ros.node.processing import FrameProcessor, Surroundings
 from stereo_refine_ros.node.publishers import Publishers
+from stereo_refine_ros.node.views import NEED_PRINCIPAL_POINT, RefinedFrame, VIEWS
 from stereo_refine_ros.node.worker import Afterwork, Worker
 from stereo_refine_ros.params import Params
+from stereo_refine_ros.pipeline import StereoRefiner
+from stereo_refine_ros.quality.frame import measure_frame
+from stereo_refine_ros.warm_up import compile_apart, run_kernels
 
 WARN_PERIOD_S = 10.0
 _HOLD_TICK_S = 0.02
@@ -45,11 +53,12 @@ _HOLD_TICK_S = 0.02
 
 class RefineNode(Node):
     """
-    Pair messages, hand the newest pair to the worker, say how things are once a second.
+    Refine the newest pair of images; say how things are once a second.
 
-    Callbacks run in one executor thread and never raise; the worker threads decode, refine
-    and publish. What they share is the newest-frame slot, the ledger and one immutable
-    `Params`, replaced as a whole.
+    `on_messages` runs in the executor's thread, `refine` in up to two threads of the worker,
+    `publish` in a third, in order of arrival; views and metrics are made in a fourth. What they
+    share is the newest-frame slot, the counters and one immutable `Params`, replaced as a whole.
+    No callback raises.
     """
 
     def __init__(self, **node_options: Any) -> None:
@@ -57,10 +66,11 @@ class RefineNode(Node):
         super().__init__('refine_node', **node_options)
         self._started = time.monotonic()
         self._throttle = Throttle(WARN_PERIOD_S)
-        self._ledger = Ledger()
+        self._counters = FrameCounters()
         self._before = Counts()
         self._unmatched_before = 0
         self._incompatible: set[str] = set()
+        self._last = FrameSummary()
         self._ready = False
         self._stopping = False
         self._settings = NodeParameters(self, self._on_parameters)
@@ -68,16 +78,16 @@ class RefineNode(Node):
         self._hold_timer = self.create_timer(
             _HOLD_TICK_S, self._guarded(self._release), clock=steady)
         self._hold_timer.cancel()
-        self._inputs = Inputs(self, self._settings.current, self._on_set,
+        self._inputs = Inputs(self, self._settings.current, self.on_messages,
                               self._hold_timer.reset, self._on_incompatible)
         self._outputs = Publishers(self, self._update_subscriptions)
         self._diagnostics = self.create_publisher(
             DiagnosticArray, '/diagnostics', 10,
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
-        self._processor = FrameProcessor(self._surroundings())
-        self._worker: Worker[Frame] = Worker(
-            self._prepare, self._processor.process, self._on_frame_error,
-            self._in_flight)
+        self._refiner = FrameRefiner()
+        self._afterwork = Afterwork(self._on_error)
+        self._worker: Worker[Frame, RefinedFrame] = Worker(
+            self._prepare, self.refine, self.publish, self._on_frame_error, self._in_flight)
         self.create_timer(1.0, self._guarded(self._tick), clock=steady)
         self._worker.start()
 
@@ -86,59 +96,123 @@ class RefineNode(Node):
         self._stopping = True
         return self._worker.stop(timeout_s)
 
-    def _surroundings(self) -> Surroundings:
-        return Surroundings(
-            params=lambda: self._settings.current, publishers=self._outputs,
-            ledger=self._ledger, age_ms=self._age_ms,
-            unmatched=lambda: self._inputs.unmatched, on_refused=self._refuse,
-            on_error=self._on_error, warn=self._warn,
-            later=Afterwork(self._on_error).submit,
-            name=f'{self.get_fully_qualified_name()}: metrics')
+    # One frame, from its messages to what is made of it.
 
-    def _in_flight(self) -> int:
-        processing = self._settings.current.processing
-        return min(processing.frames_in_flight, processing.threads)
+    def on_messages(self, found: MessageSet, calibration: Calibration) -> None:
+        """Check a complete set and leave it to the worker."""
+        self._counters.received()
+        try:
+            frame = check_frame(found, calibration)
+        except Exception as error:  # every pair is accounted for, whatever it holds
+            self._on_frame_error(error)
+            return
+        if self._worker.submit(frame) is not None:
+            self._counters.superseded()
+
+    def refine(self, frame: Frame, is_alone: bool) -> RefinedFrame:
+        """Decode a frame and refine it, on half the threads where another is in work."""
+        params = self._settings.current
+        threads = params.processing.threads if is_alone else params.processing.threads // 2
+        decoded = decode_frame(frame)
+        params = with_declared_range(params, decoded.search_range)
+        result, failure = self._refiner.refine(
+            decoded.pair, decoded.preliminary, params, max(1, threads))
+        return RefinedFrame(frame, decoded, params, result, failure)
+
+    def publish(self, refined: RefinedFrame) -> None:
+        """Send the disparity now, and what else somebody listens to as soon as may be."""
+        result, header = refined.result, refined.header
+        self._outputs.publish(
+            'disparity', disparity_message(result.disparity, refined.decoded.geometry, header))
+        self._counters.published()
+        self._last = FrameSummary(
+            header.frame_id, self._age_ms(header), result.disparity.valid_ratio)
+        self._report_troubles(refined)
+        figures = self._figures(refined)
+        self._afterwork.submit(lambda: self._publish_rest(refined, figures))
+
+    def _publish_rest(self, refined: RefinedFrame, figures: dict[str, float]) -> None:
+        """Make each further output that somebody listens to; one that fails costs itself."""
+        for topic in VIEWS:
+            if self._outputs.wants(topic):
+                self._guarded(lambda topic=topic: self._publish_view(topic, refined))()
+        if self._outputs.wants('metrics'):
+            self._publish_metrics(refined, figures)
+
+    def _publish_view(self, topic: str, refined: RefinedFrame) -> None:
+        if topic in NEED_PRINCIPAL_POINT and not refined.decoded.has_principal_point:
+            self._warn('uncalibrated', 'planes and points need left and right camera_info')
+            return
+        self._outputs.publish(topic, VIEWS[topic](refined))
+
+    def _publish_metrics(self, refined: RefinedFrame, figures: dict[str, float]) -> None:
+        try:
+            truth, scale = decode_truth(refined.frame, refined.decoded.geometry)
+        except BadMessage as error:
+            self._warn(error.reason, str(error))
+            truth, scale = None, None
+        measured = measure_frame(refined.result, refined.decoded.pair, truth, scale)
+        self._outputs.publish('metrics', metrics_message(
+            refined.header, f'{self.get_fully_qualified_name()}: metrics',
+            refined.header.frame_id, {**figures, **measured}, refined.failure is not None))
+
+    def _figures(self, refined: RefinedFrame) -> dict[str, float]:
+        """Take down what the metrics say of the moment of publishing."""
+        counts = self._counters.counts()
+        return {
+            'frame_latency_ms': self._last.latency_ms, 'fps': self._counters.fps(),
+            'frames_dropped': counts.superseded, 'pairs_unmatched': self._inputs.unmatched,
+            'pairs_refused': sum(counts.refused.values()),
+            'degraded': int(refined.failure is not None)}
+
+    def _report_troubles(self, refined: RefinedFrame) -> None:
+        if refined.failure is not None:
+            self._counters.degraded()
+            self._on_error(refined.failure)
+        if refined.decoded.rescaled:
+            self._warn('rescaled', 'preliminary/disparity differs in size from the left '
+                       'image and is rescaled; publish both at one resolution')
+
+    # The node around it.
 
     def _prepare(self) -> None:
         self.get_logger().info('compiling, half a minute at the first start, cached after it')
+
+        def progress(step: str) -> None:
+            self.get_logger().info(f'compiling {step}')
         try:
-            self._processor.warm_up(lambda step: self.get_logger().info(f'compiling {step}'))
+            params = self._settings.current
+            cv2.setNumThreads(params.processing.threads)
+            compile_apart(params, progress)
+            run_kernels(params, lambda params, pair, preliminary: StereoRefiner(params).process(
+                pair.left, pair.right, preliminary))
         except Exception as error:  # frames may still work, and say so each by itself
             self._on_error(error)
         self._ready = True
         self.get_logger().info(f'ready after {time.monotonic() - self._started:.1f} s')
 
-    def _on_set(self, found: MessageSet, calibration: Calibration) -> None:
-        """Check a complete set and leave it to the worker."""
-        self._ledger.received()
-        try:
-            frame = check_frame(found, calibration)
-        except BadMessage as error:
-            self._refuse(error)
-            return
-        except Exception as error:  # every pair is accounted for, whatever it holds
-            self._on_frame_error(error)
-            return
-        if self._worker.submit(frame) is not None:
-            self._ledger.superseded()
-
-    def _refuse(self, error: BadMessage) -> None:
-        self._ledger.refused(error.reason)
-        self._warn(error.reason, f'pair refused: {error} - {ADVICE.get(error.reason, "")}')
+    def _in_flight(self) -> int:
+        processing = self._settings.current.processing
+        return min(processing.frames_in_flight, processing.threads)
 
     def _on_frame_error(self, error: Exception) -> None:
         """Count a frame that ended in an exception as refused."""
-        self._ledger.refused('processing')
-        self._on_error(error)
+        if isinstance(error, BadMessage):
+            self._counters.refused(error.reason)
+            self._warn(error.reason, f'pair refused: {error} - {ADVICE.get(error.reason, "")}')
+        else:
+            self._counters.refused('processing')
+            self._on_error(error)
 
     def _on_error(self, error: Exception) -> None:
         if self._stopping:
             return  # publishers vanish under the worker while the node ends
-        self._ledger.failed()
+        self._counters.failed()
         self._warn(f'error {type(error).__name__}',
                    f'processing failed: {type(error).__name__}: {error}')
 
     def _on_parameters(self, old: Params, new: Params) -> None:
+        cv2.setNumThreads(new.processing.threads)
         if old.sync != new.sync or old.matching.method != new.matching.method:
             self._inputs.configure(new)
             self._guarded(self._update_subscriptions)()
@@ -165,7 +239,7 @@ class RefineNode(Node):
         health = self._health()
         status = diagnostic_status(
             f'{self.get_fully_qualified_name()}: stereo refinement',
-            self._processor.last.frame_id or 'stereo camera', health)
+            self._last.frame_id or 'stereo camera', health)
         self._diagnostics.publish(
             diagnostic_array(self.get_clock().now().to_msg(), status))
         if health.silent:
@@ -177,15 +251,15 @@ class RefineNode(Node):
         self._before, self._unmatched_before = health.now, health.unmatched
 
     def _health(self) -> Health:
-        last, silent = self._processor.last, self._inputs.silent_topics()
+        silent = self._inputs.silent_topics()
         return Health(
-            listening=self._inputs.listening, ready=self._ready, now=self._ledger.counts(),
+            listening=self._inputs.listening, ready=self._ready, now=self._counters.counts(),
             before=self._before, silent=tuple(map(self._inputs.full_name, silent)),
             incompatible=tuple(sorted(self._incompatible & set(silent))),
             unmatched=self._inputs.unmatched,
             unmatched_before=self._unmatched_before,
-            lag=describe_lag(self._inputs.pairing), fps=self._ledger.fps(),
-            latency_ms=last.latency_ms, valid_ratio=last.valid_ratio)
+            lag=describe_lag(self._inputs.pairing), fps=self._counters.fps(),
+            latency_ms=self._last.latency_ms, valid_ratio=self._last.valid_ratio)
 
     def _age_ms(self, header: Header) -> float:
         # rclpy's own Time refuses stamps before 1970

@@ -24,9 +24,12 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import Image
 from stereo_msgs.msg import DisparityImage
 
-from stereo_refine_ros.node import processing
+from stereo_refine_ros import pipeline
+from stereo_refine_ros.node import views
+from stereo_refine_ros.node.frame_refiner import FAILURES_BEFORE_FALLBACK
 from stereo_refine_ros.node.refine_node import RefineNode
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
@@ -67,7 +70,7 @@ class Harness:
         return stereo_messages(*PAIR, self.stamp)
 
     def until_failed(self, frames):
-        counts = self.node._ledger.counts
+        counts = self.node._counters.counts
         self.client.until(lambda: counts().refused.get('processing') == frames, 5.0,
                           lambda: f'{frames} failed frames in {counts()}')
 
@@ -97,7 +100,7 @@ def test_a_kernel_that_fails_is_reported_and_the_preliminary_goes_out(harness, m
         broken.setattr(StereoRefiner, 'process', failing)
         client.received['disparity'].clear()
         client.received['/diagnostics'].clear()
-        for number in range(1, processing.FAILURES_BEFORE_FALLBACK):
+        for number in range(1, FAILURES_BEFORE_FALLBACK):
             client.send(harness.pair())
             harness.until_failed(number)
         assert client.received['disparity'] == []
@@ -124,16 +127,28 @@ def test_a_matcher_that_fails_too_costs_frames_and_nothing_else(harness, monkeyp
     client.exchange(harness.pair(), timeout_s=60.0)
     with monkeypatch.context() as broken:
         broken.setattr(StereoRefiner, 'process', failing)
-        broken.setattr(processing, 'compute_match', failing)
+        broken.setattr(pipeline, 'compute_match', failing)
         for number in range(1, 6):
             client.send(harness.pair())
             harness.until_failed(number)
         harness.until_diagnosed('refinement failed', b'\x02')
     client.exchange(harness.pair())
-    client.spin(1.2)
+    client.until(lambda: client.health()['pairs_published'] == 2, 5.0, 'the counters')
     health = client.health()
     assert health['refused.processing'] == 5
     assert health['pairs_received'] == health['pairs_published'] + 5
+
+
+def test_a_failing_view_costs_neither_the_disparity_nor_the_metrics(harness, monkeypatch):
+    client = harness.client
+    client.subscribe('disparity/color', Image)
+    client.subscribe('depth', Image)
+    client.until(lambda: all(map(harness.node._outputs.wants, ('disparity/color', 'depth'))),
+                 10.0, 'subscribers of the views')
+    monkeypatch.setitem(views.VIEWS, 'disparity/color', failing)
+    client.exchange(harness.pair(), ('disparity', 'depth', 'metrics'), timeout_s=60.0)
+    assert client.received['disparity/color'] == []
+    harness.until_diagnosed('refinement failed', b'\x02')
 
 
 def test_parameters_are_swapped_whole_between_frames(harness, monkeypatch):

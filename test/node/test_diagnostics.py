@@ -19,7 +19,7 @@ import pytest
 
 from stereo_refine_ros.node.diagnostics import (
     ADVICE, assess, describe_lag, diagnostic_status, Health)
-from stereo_refine_ros.node.ledger import Counts
+from stereo_refine_ros.node.counters import Counts
 from stereo_refine_ros.node.pairing import Pairing
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR

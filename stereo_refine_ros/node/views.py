@@ -1,0 +1,97 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is shown of a refined frame: one function for each topic that somebody may listen to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from std_msgs.msg import Header
+
+from stereo_refine_ros.node.disparity_messages import disparity_message
+from stereo_refine_ros.node.frame import DecodedFrame, Frame
+from stereo_refine_ros.node.outputs import color_map, depth_map, image_message, point_cloud
+from stereo_refine_ros.node.plane_markers import large_planes, plane_markers
+from stereo_refine_ros.params import Params
+from stereo_refine_ros.types import RefinementResult
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedFrame:
+    """
+    A frame on its way out.
+
+    Attributes
+    ----------
+    frame : Frame
+        The messages.
+    decoded : DecodedFrame
+        Their pixels.
+    params : Params
+        What it was refined with.
+    result : RefinementResult
+    failure : Exception or None
+        Why `result` is the preliminary disparity alone.
+
+    """
+
+    frame: Frame
+    decoded: DecodedFrame
+    params: Params
+    result: RefinementResult
+    failure: Exception | None = None
+
+    @property
+    def header(self) -> Header:
+        """Header of every output."""
+        return self.frame.header
+
+
+def _preliminary(refined: RefinedFrame) -> Any:
+    return disparity_message(
+        refined.result.preliminary, refined.decoded.geometry, refined.header)
+
+
+def _color(refined: RefinedFrame) -> Any:
+    return image_message(refined.header, color_map(refined.result.disparity), 'bgr8')
+
+
+def _segments(refined: RefinedFrame) -> Any:
+    return image_message(refined.header, refined.result.segments.labels, '32SC1')
+
+
+def _depth(refined: RefinedFrame) -> Any:
+    depth = depth_map(refined.result.disparity, refined.decoded.geometry)
+    return image_message(refined.header, depth, '32FC1')
+
+
+def _planes(refined: RefinedFrame) -> Any:
+    planes = large_planes(refined.result.segments, refined.decoded.geometry)
+    return plane_markers(refined.header, planes)
+
+
+def _points(refined: RefinedFrame) -> Any:
+    decoded = refined.decoded
+    depth = depth_map(refined.result.disparity, decoded.geometry)
+    return point_cloud(refined.header, depth, decoded.geometry, decoded.pair.left)
+
+
+VIEWS: dict[str, Callable[[RefinedFrame], Any]] = {
+    'disparity/preliminary': _preliminary, 'disparity/color': _color, 'segments': _segments,
+    'depth': _depth, 'planes': _planes, 'points': _points}
+# These need to know where the optical axis goes through the image.
+NEED_PRINCIPAL_POINT = frozenset({'planes', 'points'})
