@@ -57,7 +57,7 @@ class Frame:
         For every output: of the left camera_info, or of the external disparity.
     geometry : StereoGeometry or None
         None where it has to come from the external disparity itself.
-    left, right, preliminary, truth : messages, or None where the frame has none
+    left, right, preliminary : messages, or None where the frame has none
 
     """
 
@@ -66,7 +66,11 @@ class Frame:
     left: Image
     right: Image | None = None
     preliminary: DisparityImage | None = None
-    truth: DisparityImage | None = None
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of the left image in nanoseconds: ground truth comes with it."""
+        return stamp_ns(self.left.header)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,10 +121,10 @@ def check_frame(found: MessageSet, calibration: Calibration) -> Frame:
         preliminary = messages[PRELIMINARY]
         check_disparity(PRELIMINARY, preliminary)
         return Frame(preliminary.header, _calibrated(calibration, left), left, right,
-                     preliminary, messages.get(TRUTH))
+                     preliminary)
     left_info = messages[LEFT_INFO]
     geometry = stereo_geometry(left_info, messages[RIGHT_INFO], left.width, left.height)
-    return Frame(left_info.header, geometry, left, right, None, messages.get(TRUTH))
+    return Frame(left_info.header, geometry, left, right)
 
 
 def decode_frame(frame: Frame) -> DecodedFrame:
@@ -147,31 +151,38 @@ def with_declared_range(params: Params, search_range: tuple[int, int] | None) ->
         return params
 
 
-def decode_truth(frame: Frame, geometry: StereoGeometry) -> tuple[
-        FloatMap | None, float | None]:
+def stamp_ns(header: Header) -> int:
+    """Return a stamp in nanoseconds; rclpy's own Time refuses those before 1970."""
+    return header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+
+
+def decode_truth(message: DisparityImage, decoded: DecodedFrame) -> tuple[
+        FloatMap, float | None]:
     """
-    Decode the ground truth of a frame, if it has one that fits.
+    Decode the ground truth of a frame.
 
     Returns
     -------
-    truth : float32 ndarray of shape (H, W), or None
+    truth : float32 ndarray of shape (H, W)
         Differences of image columns, NaN unknown.
     scale : float or None
         Grey levels per pixel of the data set's 8-bit maps: 1 / delta_d where that keeps the
         declared range within 8 bits, else None.
 
+    Raises
+    ------
+    BadMessage
+        For a truth that cannot be read or does not fit the image.
+
     """
-    if frame.truth is None:
-        return None, None
-    received = read_disparity(TRUTH, frame.truth)
-    if received.values.shape != (frame.left.height, frame.left.width):
-        raise BadMessage(
-            'truth', f'{TRUTH}: shape {received.values.shape}, the image has '
-            f'{(frame.left.height, frame.left.width)}')
+    received = read_disparity(TRUTH, message)
+    if received.values.shape != decoded.pair.shape:
+        raise BadMessage('truth', f'{TRUTH}: shape {received.values.shape}, the image has '
+                         f'{decoded.pair.shape}; publish it at the size of the image')
     scale = None
     if received.delta_d > 0 and received.max_disparity / received.delta_d <= 256:
         scale = 1.0 / received.delta_d
-    return received.values - received.values.dtype.type(geometry.doffs_px), scale
+    return received.values - received.values.dtype.type(decoded.geometry.doffs_px), scale
 
 
 def _with_preliminary(frame: Frame, message: DisparityImage, pair: StereoPair

@@ -31,7 +31,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from stereo_msgs.msg import DisparityImage
 
 from stereo_refine_ros.node.frame import (
-    Calibration, LEFT, LEFT_INFO, PRELIMINARY, RIGHT, RIGHT_INFO, TRUTH)
+    Calibration, LEFT, LEFT_INFO, PRELIMINARY, RIGHT, RIGHT_INFO, stamp_ns, TRUTH)
 from stereo_refine_ros.node.pairing import MessageSet, Pairing
 from stereo_refine_ros.params import Params
 
@@ -51,6 +51,8 @@ class Inputs:
     params : Params
     on_messages : callable of MessageSet and Calibration
         Called for every complete set.
+    on_truth : callable of int and DisparityImage
+        Called for every ground truth, with its stamp in nanoseconds.
     on_hold : callable
         Called when a set waits for optional messages: `release` is to be called soon.
     on_incompatible : callable of str
@@ -60,10 +62,12 @@ class Inputs:
 
     def __init__(self, node: Node, params: Params,
                  on_messages: Callable[[MessageSet, Calibration], None],
+                 on_truth: Callable[[int, DisparityImage], None],
                  on_hold: Callable[[], None], on_incompatible: Callable[[str], None]) -> None:
         """Listen to nothing yet."""
         self._node = node
         self._on_messages = on_messages
+        self._on_truth = on_truth
         self._on_hold = on_hold
         self._on_incompatible = on_incompatible
         self._subscriptions: dict[str, Subscription] = {}
@@ -90,7 +94,7 @@ class Inputs:
         self._external = params.matching.method == 'external'
         required = (LEFT, PRELIMINARY) if self._external else (
             LEFT, RIGHT, LEFT_INFO, RIGHT_INFO)
-        optional = (RIGHT, TRUTH) if self._external else (TRUTH,)
+        optional = (RIGHT,) if self._external else ()
         slop_ns = round(params.sync.slop * 1e9) if params.sync.approximate else 0
         self.pairing = Pairing(required, optional, slop_ns, params.sync.queue_size)
         self._listening_since = time.monotonic()
@@ -100,7 +104,7 @@ class Inputs:
         needed: set[str] = set()
         if wanted:
             needed = {*self.pairing.required, *self.pairing.optional, LEFT_INFO, RIGHT_INFO}
-            needed -= set() if with_truth else {TRUTH}
+            needed |= {TRUTH} if with_truth else set()
         for topic in set(self._subscriptions) - needed:
             self._node.destroy_subscription(self._subscriptions.pop(topic))
         if wanted and not self._subscriptions:
@@ -119,6 +123,10 @@ class Inputs:
             return []
         return [name for name in self.pairing.required
                 if now - (self.pairing.topics[name].last_arrival or 0.0) > SILENT_S]
+
+    def truth_is_published(self) -> bool:
+        """Whether somebody publishes ground truth now."""
+        return self._node.count_publishers(TRUTH) > 0
 
     def full_name(self, topic: str) -> str:
         """Name a topic, and what it is remapped to."""
@@ -151,10 +159,11 @@ class Inputs:
             self._calibration = replace(self._calibration, left=message)
         elif self._external and topic == RIGHT_INFO:
             self._calibration = replace(self._calibration, right=message)
+        elif topic == TRUTH:
+            self._on_truth(stamp_ns(message.header), message)
         elif topic in self.pairing.topics:
-            stamp = message.header.stamp
-            stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
-            self._emit(self.pairing.add(topic, stamp_ns, message, time.monotonic()))
+            self._emit(self.pairing.add(
+                topic, stamp_ns(message.header), message, time.monotonic()))
 
     def _emit(self, ready: list[MessageSet]) -> None:
         for found in ready:

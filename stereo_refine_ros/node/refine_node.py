@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 import time
 from typing import Any
 
@@ -26,6 +27,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_msgs.msg import Header
+from stereo_msgs.msg import DisparityImage
 
 from stereo_refine_ros.encodings import BadMessage
 from stereo_refine_ros.node.counters import Counts, FrameCounters, Throttle
@@ -33,13 +35,15 @@ from stereo_refine_ros.node.diagnostics import (
     ADVICE, describe_lag, diagnostic_array, diagnostic_status, FrameSummary, Health)
 from stereo_refine_ros.node.disparity_messages import disparity_message
 from stereo_refine_ros.node.frame import (
-    Calibration, check_frame, decode_frame, decode_truth, Frame, with_declared_range)
+    Calibration, check_frame, decode_frame, decode_truth, Frame, stamp_ns,
+    with_declared_range)
 from stereo_refine_ros.node.frame_refiner import FrameRefiner
 from stereo_refine_ros.node.inputs import Inputs
 from stereo_refine_ros.node.metrics_message import metrics_message
 from stereo_refine_ros.node.pairing import MessageSet
 from stereo_refine_ros.node.parameters import NodeParameters
 from stereo_refine_ros.node.publishers import Publishers
+from stereo_refine_ros.node.truth import TruthDesk
 from stereo_refine_ros.node.views import NEED_PRINCIPAL_POINT, RefinedFrame, VIEWS
 from stereo_refine_ros.node.worker import Afterwork, Worker
 from stereo_refine_ros.params import Params
@@ -56,7 +60,7 @@ class RefineNode(Node):
     Refine the newest pair of images; say how things are once a second.
 
     `on_messages` runs in the executor's thread, `refine` in up to two threads of the worker,
-    `publish` in a third, in order of arrival; views and metrics are made in a fourth. What they
+    `publish` in a third, in order of arrival; views and metrics are made in two more. What they
     share is the newest-frame slot, the counters and one immutable `Params`, replaced as a whole.
     No callback raises.
     """
@@ -78,8 +82,11 @@ class RefineNode(Node):
         self._hold_timer = self.create_timer(
             _HOLD_TICK_S, self._guarded(self._release), clock=steady)
         self._hold_timer.cancel()
-        self._inputs = Inputs(self, self._settings.current, self.on_messages,
-                              self._hold_timer.reset, self._on_incompatible)
+        self._truths: TruthDesk[RefinedFrame] = TruthDesk(
+            self._publish_metrics, lambda: self._inputs.truth_is_published(), self._on_error)
+        self._inputs = Inputs(
+            self, self._settings.current, self.on_messages, self._truths.add_truth,
+            self._hold_timer.reset, self._on_incompatible)
         self._outputs = Publishers(self, self._update_subscriptions)
         self._diagnostics = self.create_publisher(
             DiagnosticArray, '/diagnostics', 10,
@@ -128,16 +135,16 @@ class RefineNode(Node):
         self._last = FrameSummary(
             header.frame_id, self._age_ms(header), result.disparity.valid_ratio)
         self._report_troubles(refined)
-        figures = self._figures(refined)
-        self._afterwork.submit(lambda: self._publish_rest(refined, figures))
+        refined = replace(refined, figures=self._figures(refined))
+        if self._outputs.wants('metrics'):
+            self._truths.add_frame(refined.frame.stamp_ns, refined)
+        self._afterwork.submit(lambda: self._publish_views(refined))
 
-    def _publish_rest(self, refined: RefinedFrame, figures: dict[str, float]) -> None:
+    def _publish_views(self, refined: RefinedFrame) -> None:
         """Make each further output that somebody listens to; one that fails costs itself."""
         for topic in VIEWS:
             if self._outputs.wants(topic):
                 self._guarded(lambda topic=topic: self._publish_view(topic, refined))()
-        if self._outputs.wants('metrics'):
-            self._publish_metrics(refined, figures)
 
     def _publish_view(self, topic: str, refined: RefinedFrame) -> None:
         if topic in NEED_PRINCIPAL_POINT and not refined.decoded.has_principal_point:
@@ -145,16 +152,18 @@ class RefineNode(Node):
             return
         self._outputs.publish(topic, VIEWS[topic](refined))
 
-    def _publish_metrics(self, refined: RefinedFrame, figures: dict[str, float]) -> None:
+    def _publish_metrics(self, refined: RefinedFrame, truth: DisparityImage | None) -> None:
+        """Measure a frame, also against its ground truth if that has come."""
+        known: tuple[Any, ...] = ()
         try:
-            truth, scale = decode_truth(refined.frame, refined.decoded.geometry)
+            known = () if truth is None else decode_truth(truth, refined.decoded)
         except BadMessage as error:
             self._warn(error.reason, str(error))
-            truth, scale = None, None
-        measured = measure_frame(refined.result, refined.decoded.pair, truth, scale)
+        measured = measure_frame(refined.result, refined.decoded.pair, *known)
         self._outputs.publish('metrics', metrics_message(
             refined.header, f'{self.get_fully_qualified_name()}: metrics',
-            refined.header.frame_id, {**figures, **measured}, refined.failure is not None))
+            refined.header.frame_id, {**refined.figures, **measured},
+            refined.failure is not None))
 
     def _figures(self, refined: RefinedFrame) -> dict[str, float]:
         """Take down what the metrics say of the moment of publishing."""
@@ -262,9 +271,7 @@ class RefineNode(Node):
             latency_ms=self._last.latency_ms, valid_ratio=self._last.valid_ratio)
 
     def _age_ms(self, header: Header) -> float:
-        # rclpy's own Time refuses stamps before 1970
-        stamp_ns = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
-        return (self.get_clock().now().nanoseconds - stamp_ns) / 1e6
+        return (self.get_clock().now().nanoseconds - stamp_ns(header)) / 1e6
 
     def _warn(self, key: str, text: str) -> None:
         if self._throttle.allows(key):

@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from std_msgs.msg import Header
@@ -46,6 +46,8 @@ class RefinedFrame:
     result : RefinementResult
     failure : Exception or None
         Why `result` is the preliminary disparity alone.
+    figures : dict of str to float
+        What the metrics say of the moment of publishing.
 
     """
 
@@ -54,6 +56,7 @@ class RefinedFrame:
     params: Params
     result: RefinementResult
     failure: Exception | None = None
+    figures: dict[str, float] = field(default_factory=dict)
 
     @property
     def header(self) -> Header:
