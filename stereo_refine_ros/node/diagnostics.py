@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from stereo_refine_ros.health_advice import Advice, Level
 from stereo_refine_ros.node.counters import Counts
 from stereo_refine_ros.node.metrics_message import decimal
 from stereo_refine_ros.node.pairing import Pairing
@@ -48,6 +49,7 @@ class FrameSummary:
     frame_id: str = ''
     latency_ms: float = float('nan')
     valid_ratio: float = float('nan')
+    advice: tuple[Advice, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,8 @@ class Health:
     lag : str
         Which topic lags, in words.
     fps, latency_ms, valid_ratio : float
+    advice : tuple of Advice
+        What the images say of the cameras.
 
     """
 
@@ -84,6 +88,7 @@ class Health:
     fps: float = 0.0
     latency_ms: float = float('nan')
     valid_ratio: float = float('nan')
+    advice: tuple[Advice, ...] = ()
 
 
 def assess(health: Health) -> tuple[bytes, str]:
@@ -99,6 +104,18 @@ def assess(health: Health) -> tuple[bytes, str]:
     if not health.listening:
         return DiagnosticStatus.OK, 'idle: nobody subscribes to an output'
     return DiagnosticStatus.OK, f'refining at {health.fps:.1f} frames a second'
+
+
+def frame_status(is_degraded: bool, advice: tuple[Advice, ...]) -> tuple[bytes, str]:
+    """Choose the level and the text of one frame's metrics."""
+    texts = [item.text for item in advice]
+    if is_degraded:
+        texts.insert(0, 'refinement failed: disparity is the preliminary one')
+    if is_degraded or any(item.level == Level.ERROR for item in advice):
+        return DiagnosticStatus.ERROR, '; '.join(texts)
+    if advice:
+        return DiagnosticStatus.WARN, '; '.join(texts)
+    return DiagnosticStatus.OK, 'refined'
 
 
 def diagnostic_status(name: str, hardware_id: str, health: Health) -> DiagnosticStatus:
@@ -144,6 +161,7 @@ def _errors(health: Health) -> Iterable[str]:
         yield f'refinement failed {failed} times in the last second: {ADVICE["processing"]}'
     if health.now.degraded > health.before.degraded:
         yield 'publishing the preliminary disparity instead'
+    yield from (item.text for item in health.advice if item.level == Level.ERROR)
     if health.silent:
         yield (f'no input on {", ".join(health.silent)}: check that it is published, its '
                'name or remapping, and its QoS')
@@ -153,6 +171,7 @@ def _errors(health: Health) -> Iterable[str]:
 
 
 def _warnings(health: Health) -> Iterable[str]:
+    yield from (item.text for item in health.advice if item.level == Level.WARN)
     for reason, count in sorted(health.now.refused.items()):
         recent = count - health.before.refused.get(reason, 0)
         if recent > 0 and reason != 'processing':

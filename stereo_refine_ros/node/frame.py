@@ -58,6 +58,8 @@ class Frame:
     geometry : StereoGeometry or None
         None where it has to come from the external disparity itself.
     left, right, preliminary : messages, or None where the frame has none
+    left_info : CameraInfo or None
+        Goes out beside the depth.
 
     """
 
@@ -66,6 +68,7 @@ class Frame:
     left: Image
     right: Image | None = None
     preliminary: DisparityImage | None = None
+    left_info: CameraInfo | None = None
 
     @property
     def stamp_ns(self) -> int:
@@ -121,10 +124,10 @@ def check_frame(found: MessageSet, calibration: Calibration) -> Frame:
         preliminary = messages[PRELIMINARY]
         check_disparity(PRELIMINARY, preliminary)
         return Frame(preliminary.header, _calibrated(calibration, left), left, right,
-                     preliminary)
+                     preliminary, calibration.left)
     left_info = messages[LEFT_INFO]
     geometry = stereo_geometry(left_info, messages[RIGHT_INFO], left.width, left.height)
-    return Frame(left_info.header, geometry, left, right)
+    return Frame(left_info.header, geometry, left, right, left_info=left_info)
 
 
 def decode_frame(frame: Frame) -> DecodedFrame:

@@ -32,7 +32,8 @@ from stereo_msgs.msg import DisparityImage
 from stereo_refine_ros.encodings import BadMessage
 from stereo_refine_ros.node.counters import Counts, FrameCounters, Throttle
 from stereo_refine_ros.node.diagnostics import (
-    ADVICE, describe_lag, diagnostic_array, diagnostic_status, FrameSummary, Health)
+    ADVICE, describe_lag, diagnostic_array, diagnostic_status, frame_status, FrameSummary,
+    Health)
 from stereo_refine_ros.node.disparity_messages import disparity_message
 from stereo_refine_ros.node.frame import (
     Calibration, check_frame, decode_frame, decode_truth, Frame, stamp_ns,
@@ -40,11 +41,13 @@ from stereo_refine_ros.node.frame import (
 from stereo_refine_ros.node.frame_refiner import FrameRefiner
 from stereo_refine_ros.node.inputs import Inputs
 from stereo_refine_ros.node.metrics_message import metrics_message
+from stereo_refine_ros.node.pair_watch import PairWatch
 from stereo_refine_ros.node.pairing import MessageSet
 from stereo_refine_ros.node.parameters import NodeParameters
 from stereo_refine_ros.node.publishers import Publishers
 from stereo_refine_ros.node.truth import TruthDesk
-from stereo_refine_ros.node.views import NEED_PRINCIPAL_POINT, RefinedFrame, VIEWS
+from stereo_refine_ros.node.views import (
+    confidence_figures, NEED_CAMERA_INFO, RefinedFrame, sure_part, VIEWS)
 from stereo_refine_ros.node.worker import Afterwork, Worker
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.pipeline import StereoRefiner
@@ -92,6 +95,7 @@ class RefineNode(Node):
             DiagnosticArray, '/diagnostics', 10,
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
         self._refiner = FrameRefiner()
+        self._watch = PairWatch()
         self._afterwork = Afterwork(self._on_error)
         self._worker: Worker[Frame, RefinedFrame] = Worker(
             self._prepare, self.refine, self.publish, self._on_frame_error, self._in_flight)
@@ -124,18 +128,20 @@ class RefineNode(Node):
         params = with_declared_range(params, decoded.search_range)
         result, failure = self._refiner.refine(
             decoded.pair, decoded.preliminary, params, max(1, threads))
-        return RefinedFrame(frame, decoded, params, result, failure)
+        return RefinedFrame(frame, decoded, params, result,
+                            sure_part(result, params.output.min_confidence), failure)
 
     def publish(self, refined: RefinedFrame) -> None:
         """Send the disparity now, and what else somebody listens to as soon as may be."""
         result, header = refined.result, refined.header
         self._outputs.publish(
-            'disparity', disparity_message(result.disparity, refined.decoded.geometry, header))
+            'disparity', disparity_message(refined.published, refined.decoded.geometry, header))
         self._counters.published()
+        advice = tuple(self._watch.look(refined))
         self._last = FrameSummary(
-            header.frame_id, self._age_ms(header), result.disparity.valid_ratio)
+            header.frame_id, self._age_ms(header), result.disparity.valid_ratio, advice)
         self._report_troubles(refined)
-        refined = replace(refined, figures=self._figures(refined))
+        refined = replace(refined, figures=self._figures(refined), advice=advice)
         if self._outputs.wants('metrics'):
             self._truths.add_frame(refined.frame.stamp_ns, refined)
         self._afterwork.submit(lambda: self._publish_views(refined))
@@ -147,8 +153,9 @@ class RefineNode(Node):
                 self._guarded(lambda topic=topic: self._publish_view(topic, refined))()
 
     def _publish_view(self, topic: str, refined: RefinedFrame) -> None:
-        if topic in NEED_PRINCIPAL_POINT and not refined.decoded.has_principal_point:
-            self._warn('uncalibrated', 'planes and points need left and right camera_info')
+        if topic in NEED_CAMERA_INFO and not refined.decoded.has_principal_point:
+            self._warn('uncalibrated', 'planes, points and depth/camera_info need left and '
+                       'right camera_info')
             return
         self._outputs.publish(topic, VIEWS[topic](refined))
 
@@ -162,8 +169,9 @@ class RefineNode(Node):
         measured = measure_frame(refined.result, refined.decoded.pair, *known)
         self._outputs.publish('metrics', metrics_message(
             refined.header, f'{self.get_fully_qualified_name()}: metrics',
-            refined.header.frame_id, {**refined.figures, **measured},
-            refined.failure is not None))
+            refined.header.frame_id,
+            {**refined.figures, **measured, **confidence_figures(refined)},
+            *frame_status(refined.failure is not None, refined.advice)))
 
     def _figures(self, refined: RefinedFrame) -> dict[str, float]:
         """Take down what the metrics say of the moment of publishing."""
@@ -268,7 +276,8 @@ class RefineNode(Node):
             unmatched=self._inputs.unmatched,
             unmatched_before=self._unmatched_before,
             lag=describe_lag(self._inputs.pairing), fps=self._counters.fps(),
-            latency_ms=self._last.latency_ms, valid_ratio=self._last.valid_ratio)
+            latency_ms=self._last.latency_ms, valid_ratio=self._last.valid_ratio,
+            advice=self._last.advice if self._inputs.listening else ())
 
     def _age_ms(self, header: Header) -> float:
         return (self.get_clock().now().nanoseconds - stamp_ns(header)) / 1e6

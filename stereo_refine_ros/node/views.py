@@ -17,17 +17,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 from std_msgs.msg import Header
 
+from stereo_refine_ros.health_advice import Advice
 from stereo_refine_ros.node.disparity_messages import disparity_message
 from stereo_refine_ros.node.frame import DecodedFrame, Frame
 from stereo_refine_ros.node.outputs import color_map, depth_map, image_message, point_cloud
 from stereo_refine_ros.node.plane_markers import large_planes, plane_markers
 from stereo_refine_ros.params import Params
-from stereo_refine_ros.types import RefinementResult
+from stereo_refine_ros.types import DisparityMap, RefinementResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +47,14 @@ class RefinedFrame:
     params : Params
         What it was refined with.
     result : RefinementResult
+    published : DisparityMap
+        The part of `result.disparity` that is sure enough for `output.min_confidence`.
     failure : Exception or None
         Why `result` is the preliminary disparity alone.
     figures : dict of str to float
         What the metrics say of the moment of publishing.
+    advice : tuple of Advice
+        What is wrong with the cameras, the worst first.
 
     """
 
@@ -55,13 +62,35 @@ class RefinedFrame:
     decoded: DecodedFrame
     params: Params
     result: RefinementResult
+    published: DisparityMap
     failure: Exception | None = None
     figures: dict[str, float] = field(default_factory=dict)
+    advice: tuple[Advice, ...] = ()
 
     @property
     def header(self) -> Header:
         """Header of every output."""
         return self.frame.header
+
+
+def sure_part(result: RefinementResult, min_confidence: float) -> DisparityMap:
+    """Return the refined map with the pixels that are less sure than asked as invalid ones."""
+    dense = result.disparity
+    if min_confidence <= 0.0:
+        return dense
+    sure = result.confidence >= min_confidence
+    return replace(dense, values=np.where(sure, dense.values, np.float32(np.nan)))
+
+
+def confidence_figures(refined: RefinedFrame) -> dict[str, float]:
+    """Sum up confidence and health of a frame under the keys of the `metrics` topic."""
+    result, health = refined.result, refined.result.health
+    sure = result.confidence >= refined.params.output.min_confidence
+    return {
+        'confidence_mean': float(np.mean(result.confidence)),
+        'published_ratio': float(np.mean(sure)),
+        'row_offset_px': health.row_offset_px, 'gain_ratio': health.gain_ratio,
+        'noise_sigma': health.noise_sigma}
 
 
 def _preliminary(refined: RefinedFrame) -> Any:
@@ -70,7 +99,7 @@ def _preliminary(refined: RefinedFrame) -> Any:
 
 
 def _color(refined: RefinedFrame) -> Any:
-    return image_message(refined.header, color_map(refined.result.disparity), 'bgr8')
+    return image_message(refined.header, color_map(refined.published), 'bgr8')
 
 
 def _segments(refined: RefinedFrame) -> Any:
@@ -78,8 +107,14 @@ def _segments(refined: RefinedFrame) -> Any:
 
 
 def _depth(refined: RefinedFrame) -> Any:
-    depth = depth_map(refined.result.disparity, refined.decoded.geometry)
+    depth = depth_map(refined.published, refined.decoded.geometry)
     return image_message(refined.header, depth, '32FC1')
+
+
+def _depth_info(refined: RefinedFrame) -> Any:
+    info = copy(refined.frame.left_info)
+    info.header = refined.header
+    return info
 
 
 def _planes(refined: RefinedFrame) -> Any:
@@ -89,12 +124,18 @@ def _planes(refined: RefinedFrame) -> Any:
 
 def _points(refined: RefinedFrame) -> Any:
     decoded = refined.decoded
-    depth = depth_map(refined.result.disparity, decoded.geometry)
+    depth = depth_map(refined.published, decoded.geometry)
+    farthest = refined.params.output.max_depth
+    if farthest > 0.0:
+        depth[depth > farthest] = np.nan
     return point_cloud(refined.header, depth, decoded.geometry, decoded.pair.left)
 
 
 VIEWS: dict[str, Callable[[RefinedFrame], Any]] = {
-    'disparity/preliminary': _preliminary, 'disparity/color': _color, 'segments': _segments,
-    'depth': _depth, 'planes': _planes, 'points': _points}
+    'disparity/preliminary': _preliminary, 'disparity/color': _color,
+    'confidence': lambda refined: image_message(
+        refined.header, refined.result.confidence, '32FC1'),
+    'segments': _segments, 'depth': _depth, 'depth/camera_info': _depth_info,
+    'planes': _planes, 'points': _points}
 # These need to know where the optical axis goes through the image.
-NEED_PRINCIPAL_POINT = frozenset({'planes', 'points'})
+NEED_CAMERA_INFO = frozenset({'planes', 'points', 'depth/camera_info'})

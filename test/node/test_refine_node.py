@@ -22,11 +22,12 @@ from live_node import (
     diagnosis, GEOMETRY, good_pair, settled_health, stamps, values_of)
 import numpy as np
 import pytest
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
 from stereo_refine_ros.node.conversions import fill_image
 from stereo_refine_ros.node.outputs import color_map, depth_map, point_cloud
 from stereo_refine_ros.node.plane_markers import large_planes, plane_markers
+from stereo_refine_ros.node.views import sure_part
 from stereo_refine_ros.quality.frame import measure_frame
 from stereo_refine_ros.types import DisparityMap, StereoPair
 from visualization_msgs.msg import MarkerArray
@@ -44,7 +45,8 @@ def test_disparity_is_the_cores_with_the_fields_of_the_camera(client, core):
     assert (message.min_disparity, message.max_disparity) == (-1.5, 29.5)
     window = message.valid_window
     assert (window.x_offset, window.y_offset, window.width, window.height) == (0, 0, 160, 96)
-    expected = np.where(np.isfinite(core.disparity.values), core.disparity.values - 2.5, -2.5)
+    published = sure_part(core, 0.5)
+    expected = np.where(published.valid, published.values - 2.5, -2.5)
     np.testing.assert_array_equal(floats(message.image), expected.astype(np.float32))
     assert np.median(floats(message.image)) == pytest.approx(3.5, abs=0.2)
 
@@ -56,7 +58,8 @@ def test_metrics_are_those_computed_offline(client, core):
     sent_values = values_of(message)
     expected = measure_frame(core, StereoPair(*textured_pair()))
     assert sent_values.keys() >= expected.keys() | {
-        'frame_latency_ms', 'fps', 'frames_dropped', 'pairs_unmatched'}
+        'frame_latency_ms', 'fps', 'frames_dropped', 'pairs_unmatched', 'confidence_mean',
+        'published_ratio', 'row_offset_px', 'gain_ratio', 'noise_sigma'}
     for key, value in expected.items():
         if not key.endswith('_ms'):
             assert sent_values[key] == pytest.approx(value, rel=1e-12, nan_ok=True), key
@@ -96,7 +99,8 @@ def with_truth(sent):
 
 def test_every_output_is_made_from_the_cores_result(client, core):
     topics = {'disparity/preliminary': DisparityImage, 'disparity/color': Image,
-              'segments': Image, 'depth': Image, 'points': PointCloud2, 'planes': MarkerArray}
+              'confidence': Image, 'segments': Image, 'depth': Image,
+              'depth/camera_info': CameraInfo, 'points': PointCloud2, 'planes': MarkerArray}
     for topic, kind in topics.items():
         client.subscribe(topic, kind)
     sent, found = complete_answer(client, tuple(topics))
@@ -108,11 +112,13 @@ def test_every_output_is_made_from_the_cores_result(client, core):
         floats(answers['disparity/preliminary'].image),
         np.where(np.isfinite(preliminary), preliminary - np.float32(2.5), np.float32(-2.5)))
     np.testing.assert_array_equal(pixels(answers['disparity/color'], 'bgr8', np.uint8),
-                                  color_map(core.disparity))
+                                  color_map(sure_part(core, 0.5)))
     np.testing.assert_array_equal(
         pixels(answers['segments'], '32SC1', np.int32), core.segments.labels)
+    np.testing.assert_array_equal(floats(answers['confidence']), core.confidence)
+    assert answers['depth/camera_info'] == sent['left/camera_info']
     depth = floats(answers['depth'])
-    np.testing.assert_array_equal(depth, depth_map(core.disparity, GEOMETRY))
+    np.testing.assert_array_equal(depth, depth_map(sure_part(core, 0.5), GEOMETRY))
     assert np.nanmedian(depth) == pytest.approx(200 * 0.1 / 3.5, rel=0.05)
     cloud = point_cloud(header, depth, GEOMETRY, textured_pair()[0])
     assert answers['points'] == cloud and np.isfinite(depth).any()
