@@ -18,22 +18,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+import sys
 import time
 from typing import Any
 
 import cv2
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
 from stereo_refine_ros.encodings import BadMessage
-from stereo_refine_ros.node.counters import Counts, FrameCounters, Throttle
-from stereo_refine_ros.node.diagnostics import (
-    ADVICE, describe_lag, diagnostic_array, diagnostic_status, frame_status, FrameSummary,
-    Health)
+from stereo_refine_ros.node.counters import FrameCounters, Throttle
+from stereo_refine_ros.node.diagnostics import ADVICE, frame_status, FrameSummary
 from stereo_refine_ros.node.disparity_messages import disparity_message
 from stereo_refine_ros.node.frame import (
     Calibration, check_frame, decode_frame, decode_truth, Frame, stamp_ns,
@@ -43,8 +40,10 @@ from stereo_refine_ros.node.inputs import Inputs
 from stereo_refine_ros.node.metrics_message import metrics_message
 from stereo_refine_ros.node.pair_watch import PairWatch
 from stereo_refine_ros.node.pairing import MessageSet
-from stereo_refine_ros.node.parameters import NodeParameters
+from stereo_refine_ros.node.parameter_advice import unused_files
+from stereo_refine_ros.node.parameters import BadParameters, NodeParameters
 from stereo_refine_ros.node.publishers import Publishers
+from stereo_refine_ros.node.reporter import Reporter
 from stereo_refine_ros.node.truth import TruthDesk
 from stereo_refine_ros.node.views import (
     confidence_figures, NEED_CAMERA_INFO, RefinedFrame, sure_part, VIEWS)
@@ -70,17 +69,21 @@ class RefineNode(Node):
 
     def __init__(self, **node_options: Any) -> None:
         """Declare parameters, create publishers and timers, and start the worker."""
-        super().__init__('refine_node', **node_options)
+        super().__init__('refine_node', automatically_declare_parameters_from_overrides=True,
+                         **node_options)
         self._started = time.monotonic()
         self._throttle = Throttle(WARN_PERIOD_S)
         self._counters = FrameCounters()
-        self._before = Counts()
-        self._unmatched_before = 0
-        self._incompatible: set[str] = set()
         self._last = FrameSummary()
         self._ready = False
         self._stopping = False
-        self._settings = NodeParameters(self, self._on_parameters)
+        try:
+            self._settings = NodeParameters(self, self._on_parameters)
+        except BadParameters as error:
+            self.get_logger().fatal(str(error))
+            raise
+        for text in unused_files(sys.argv, self.get_fully_qualified_name()):
+            self.get_logger().warning(text)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._hold_timer = self.create_timer(
             _HOLD_TICK_S, self._guarded(self._release), clock=steady)
@@ -89,11 +92,9 @@ class RefineNode(Node):
             self._publish_metrics, lambda: self._inputs.truth_is_published(), self._on_error)
         self._inputs = Inputs(
             self, self._settings.current, self.on_messages, self._truths.add_truth,
-            self._hold_timer.reset, self._on_incompatible)
+            self._hold_timer.reset, lambda topic: self._reporter.incompatible(topic))
         self._outputs = Publishers(self, self._update_subscriptions)
-        self._diagnostics = self.create_publisher(
-            DiagnosticArray, '/diagnostics', 10,
-            qos_overriding_options=QoSOverridingOptions.with_default_policies())
+        self._reporter = Reporter(self, self._counters, self._inputs, self._warn)
         self._refiner = FrameRefiner()
         self._watch = PairWatch()
         self._afterwork = Afterwork(self._on_error)
@@ -234,17 +235,10 @@ class RefineNode(Node):
             self._inputs.configure(new)
             self._guarded(self._update_subscriptions)()
 
-    def _on_incompatible(self, topic: str) -> None:
-        self._incompatible.add(topic)
-        self._warn(f'qos {topic}', f'{topic}: a publisher offers an incompatible QoS; '
-                   'set qos_overrides or change the publisher')
-
     def _update_subscriptions(self) -> None:
         """Listen to inputs while somebody listens to an output."""
         self._inputs.listen(
             self._outputs.wants_any(), self._outputs.wants('metrics'))
-        if not self._inputs.listening:
-            self._incompatible.clear()
 
     def _release(self) -> None:
         self._hold_timer.cancel()
@@ -253,31 +247,7 @@ class RefineNode(Node):
     def _tick(self) -> None:
         """Report once a second."""
         self._update_subscriptions()
-        health = self._health()
-        status = diagnostic_status(
-            f'{self.get_fully_qualified_name()}: stereo refinement',
-            self._last.frame_id or 'stereo camera', health)
-        self._diagnostics.publish(
-            diagnostic_array(self.get_clock().now().to_msg(), status))
-        if health.silent:
-            self._warn('silent', f'no input on {", ".join(health.silent)}: check names, '
-                       'remappings and QoS')
-        elif health.unmatched > health.unmatched_before:
-            self._warn('unmatched', f'pairs are not complete: {health.lag}; check stamps, or '
-                       'set sync.approximate and sync.slop')
-        self._before, self._unmatched_before = health.now, health.unmatched
-
-    def _health(self) -> Health:
-        silent = self._inputs.silent_topics()
-        return Health(
-            listening=self._inputs.listening, ready=self._ready, now=self._counters.counts(),
-            before=self._before, silent=tuple(map(self._inputs.full_name, silent)),
-            incompatible=tuple(sorted(self._incompatible & set(silent))),
-            unmatched=self._inputs.unmatched,
-            unmatched_before=self._unmatched_before,
-            lag=describe_lag(self._inputs.pairing), fps=self._counters.fps(),
-            latency_ms=self._last.latency_ms, valid_ratio=self._last.valid_ratio,
-            advice=self._last.advice if self._inputs.listening else ())
+        self._reporter.report(self._ready, self._last)
 
     def _age_ms(self, header: Header) -> float:
         return (self.get_clock().now().nanoseconds - stamp_ns(header)) / 1e6

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Faults of cameras through the node: /diagnostics and metrics say what is wrong and what to do."""
+"""Faults of cameras through the node: diagnostics and metrics say what is wrong, what to do."""
 
 from dataclasses import replace
 import time

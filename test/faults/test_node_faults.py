@@ -30,7 +30,7 @@ import pytest
 from rcl_interfaces.srv import SetParametersAtomically
 from stereo_msgs.msg import DisparityImage
 
-from stereo_refine_ros.params import SPECS
+from stereo_refine_ros.params import load_preset, SPECS
 
 pytestmark = pytest.mark.ros
 PAIR = textured_pair()
@@ -263,8 +263,9 @@ def test_a_thousand_random_parameter_sets(node, client):
     assert 500 < accepted < 900
     client.until(lambda: client.received['disparity'], 30.0, 'frames in the storm')
     assert client.set_atomically(preset='accurate').successful
-    assert client.set_atomically(preset='live', matching__num_disparities=16,
-                                 matching__min_disparity=0).successful
+    back = load_preset('live', {'matching.num_disparities': 16}).as_dict()
+    assert client.set_atomically(**{
+        name.replace('.', '__'): value for name, value in back.items()}).successful
     assert_good_pair_comes_out(client)
     assert node.process.poll() is None
 

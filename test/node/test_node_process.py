@@ -158,15 +158,45 @@ def test_external_disparity_with_the_left_image_alone(make_client):
     (('-p', 'preset:=fast'), 'fast'), (('-p', 'filter.eps:=true'), 'filter.eps')])
 def test_bad_parameters_at_start_end_the_node_with_the_reason(arguments, reason):
     node = NodeProcess(*arguments)
-    assert node.process.wait(20) == 1
+    assert node.process.wait(60) == 1
     assert reason in node.log and 'Traceback' not in node.log
 
 
 def test_an_integer_for_a_float_is_taken_at_start(make_client):
     with running_node('-p', 'filter.eps:=1', '-p', 'sync.slop:=0', ready=False) as node:
-        node.wait_log('compiling', 20.0)
+        node.wait_log('compiling', 60.0)
         client = make_client()
         assert client.get('filter.eps', 'sync.slop') == [1.0, 0.0]
+
+
+def test_silent_mistakes_at_start_are_said(tmp_path):
+    path = tmp_path / 'robot.yaml'
+    path.write_text('stereo_node:\n  ros__parameters:\n    filter.radius: 3\n', encoding='utf-8')
+    with running_node('-p', 'planes.projection:=off', '-p', 'approximate_sync:=true',
+                      '-p', 'filter.radios:=3', '--params-file', str(path), ready=False) as node:
+        node.wait_log('compiling', 60.0)
+        for text in ("'approximate_sync' is not known and does nothing: use sync.approximate",
+                     "'filter.radios' is not known and does nothing: did you mean filter.radius",
+                     'robot.yaml: parameters are for /stereo_node, this node is /refine_node'):
+            assert text in node.log, node.log
+
+
+def test_what_the_command_line_set_stays_with_another_preset(make_client):
+    with running_node('-p', 'filter.radius:=2', '-p', 'planes.projection:=off',
+                      ready=False) as node:
+        node.wait_log('compiling', 60.0)
+        client = make_client()
+        assert client.get('planes.projection') == ['off']
+        assert client.set(preset='paper')[0].successful
+        expected = load_preset('paper', {'filter.radius': 2, 'planes.projection': 'off'})
+        values = expected.as_dict()
+        assert client.get(*values) == list(values.values())
+
+
+def test_fatal_lines_carry_the_name_of_the_node():
+    node = NodeProcess('-r', '__node:=stereo', '-r', '__ns:=/robot', '-p', 'filter.radius:=0')
+    assert node.process.wait(60) == 1
+    assert '[robot.stereo]: filter.radius' in node.log and 'Traceback' not in node.log
 
 
 def assert_clean(node, began):
