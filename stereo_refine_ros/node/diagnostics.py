@@ -35,6 +35,7 @@ ADVICE = {
     'size_differs': 'set both cameras to one resolution',
     'camera_info_size': 'calibrate for this resolution, or set roi and binning in camera_info',
     'focal_length': 'calibrate the cameras and publish the rectified projection matrix P',
+    'aspect_ratio': 'publish the disparity of the whole image, at any scale',
     'baseline': 'check that left and right are not swapped and that P[3] is set on the right',
     'processing': 'see the log for the error; report it with the parameters in use',
 }
@@ -50,6 +51,7 @@ class FrameSummary:
     latency_ms: float = float('nan')
     valid_ratio: float = float('nan')
     advice: tuple[Advice, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,8 @@ class Health:
     fps, latency_ms, valid_ratio : float
     advice : tuple of Advice
         What the images say of the cameras.
+    notes : tuple of str
+        What is doubtful about the calibration.
 
     """
 
@@ -89,6 +93,7 @@ class Health:
     latency_ms: float = float('nan')
     valid_ratio: float = float('nan')
     advice: tuple[Advice, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def assess(health: Health) -> tuple[bytes, str]:
@@ -172,6 +177,7 @@ def _errors(health: Health) -> Iterable[str]:
 
 def _warnings(health: Health) -> Iterable[str]:
     yield from (item.text for item in health.advice if item.level == Level.WARN)
+    yield from health.notes
     for reason, count in sorted(health.now.refused.items()):
         recent = count - health.before.refused.get(reason, 0)
         if recent > 0 and reason != 'processing':

@@ -12,7 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the node listens to: subscriptions only while they are needed, paired by stamp."""
+"""
+What the node listens to: subscriptions only while they are needed, images paired by stamp.
+
+Calibration need not share the stamp of the images: that of the stamp serves where it comes in
+step with them, else the newest.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +35,9 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, Image
 from stereo_msgs.msg import DisparityImage
 
+from stereo_refine_ros.node.calibration import Calibration
 from stereo_refine_ros.node.frame import (
-    Calibration, LEFT, LEFT_INFO, PRELIMINARY, RIGHT, RIGHT_INFO, stamp_ns, TRUTH)
+    LEFT, LEFT_INFO, PRELIMINARY, RIGHT, RIGHT_INFO, stamp_ns, TRUTH)
 from stereo_refine_ros.node.pairing import MessageSet, Pairing
 from stereo_refine_ros.params import Params
 
@@ -39,6 +45,8 @@ TYPES: dict[str, type] = {
     LEFT: Image, RIGHT: Image, LEFT_INFO: CameraInfo, RIGHT_INFO: CameraInfo,
     PRELIMINARY: DisparityImage, TRUTH: DisparityImage}
 SILENT_S = 2.0
+FIRST_CALIBRATION_S = 2.0  # longest wait for the first camera_info
+KEEP_S = 3.0  # how long images wait for another matcher
 
 
 class Inputs:
@@ -71,7 +79,8 @@ class Inputs:
         self._on_hold = on_hold
         self._on_incompatible = on_incompatible
         self._subscriptions: dict[str, Subscription] = {}
-        self._calibration = Calibration()
+        self._newest = Calibration()
+        self._early: MessageSet | None = None
         self._unmatched_before = 0
         self._listening_since = 0.0
         self.configure(params)
@@ -80,6 +89,11 @@ class Inputs:
     def listening(self) -> bool:
         """Whether there are subscriptions."""
         return bool(self._subscriptions)
+
+    @property
+    def holds(self) -> bool:
+        """Whether a set waits for optional messages or for the first calibration."""
+        return self.pairing.holds or self._early is not None
 
     @property
     def unmatched(self) -> int:
@@ -91,19 +105,21 @@ class Inputs:
         if hasattr(self, 'pairing'):
             self._emit(self.pairing.release(math.inf))
             self._unmatched_before += self.pairing.unmatched
-        self._external = params.matching.method == 'external'
-        required = (LEFT, PRELIMINARY) if self._external else (
-            LEFT, RIGHT, LEFT_INFO, RIGHT_INFO)
-        optional = (RIGHT,) if self._external else ()
+        external = params.matching.method == 'external'
+        required = (LEFT, PRELIMINARY) if external else (LEFT, RIGHT)
+        optional = (RIGHT, LEFT_INFO, RIGHT_INFO) if external else (LEFT_INFO, RIGHT_INFO)
         slop_ns = round(params.sync.slop * 1e9) if params.sync.approximate else 0
-        self.pairing = Pairing(required, optional, slop_ns, params.sync.queue_size)
+        self.pairing = Pairing(required, optional, slop_ns, params.sync.queue_size,
+                               KEEP_S if external else 0.0)
+        self._waits_for_calibration = not external and not (
+            params.camera.baseline and params.camera.focal_length)
         self._listening_since = time.monotonic()
 
     def listen(self, wanted: bool, with_truth: bool) -> None:
         """Subscribe to what is needed now and to nothing else."""
         needed: set[str] = set()
         if wanted:
-            needed = {*self.pairing.required, *self.pairing.optional, LEFT_INFO, RIGHT_INFO}
+            needed = {*self.pairing.required, *self.pairing.optional}
             needed |= {TRUTH} if with_truth else set()
         for topic in set(self._subscriptions) - needed:
             self._node.destroy_subscription(self._subscriptions.pop(topic))
@@ -113,16 +129,19 @@ class Inputs:
             self._subscriptions[topic] = self._subscribe(topic)
 
     def release(self) -> None:
-        """Hand on a set that has waited long enough for its optional messages."""
+        """Hand on what has waited long enough for its optional messages or calibration."""
         self._emit(self.pairing.release(time.monotonic()))
 
     def silent_topics(self) -> list[str]:
-        """Name the required topics that delivered nothing for `SILENT_S`."""
+        """Name images that did not come for `SILENT_S`, and with them a missing calibration."""
         now = time.monotonic()
         if not self.listening or now - self._listening_since < SILENT_S:
             return []
-        return [name for name in self.pairing.required
-                if now - (self.pairing.topics[name].last_arrival or 0.0) > SILENT_S]
+        silent = [name for name in self.pairing.required
+                  if now - (self.pairing.topics[name].last_arrival or 0.0) > SILENT_S]
+        infos = ((LEFT_INFO, self._newest.left), (RIGHT_INFO, self._newest.right))
+        never = [name for name, newest in infos if newest is None and self._waits_for_calibration]
+        return silent + never if silent else []
 
     def truth_is_published(self) -> bool:
         """Whether somebody publishes ground truth now."""
@@ -155,18 +174,38 @@ class Inputs:
             self.pairing.expect(topic, time.monotonic())
 
     def _receive(self, topic: str, message: Any) -> None:
-        if self._external and topic == LEFT_INFO:
-            self._calibration = replace(self._calibration, left=message)
-        elif self._external and topic == RIGHT_INFO:
-            self._calibration = replace(self._calibration, right=message)
-        elif topic == TRUTH:
+        if topic == TRUTH:
             self._on_truth(stamp_ns(message.header), message)
-        elif topic in self.pairing.topics:
+            return
+        if topic == LEFT_INFO:
+            self._newest = replace(self._newest, left=message)
+        elif topic == RIGHT_INFO:
+            self._newest = replace(self._newest, right=message)
+        if topic in self.pairing.topics:
             self._emit(self.pairing.add(
                 topic, stamp_ns(message.header), message, time.monotonic()))
 
     def _emit(self, ready: list[MessageSet]) -> None:
         for found in ready:
-            self._on_messages(found, self._calibration)
-        if self.pairing.holds:
+            if self._early is not None:
+                self._unmatched_before += 1
+            self._early = found
+            if not self._is_too_early():
+                self._hand_on()
+        if self._early is not None and not self._is_too_early():
+            self._hand_on()
+        if self.holds:
             self._on_hold()
+
+    def _is_too_early(self) -> bool:
+        """Whether a set had better wait for the first camera_info of both sides."""
+        return (self._waits_for_calibration and not self._newest.is_complete
+                and time.monotonic() - self._listening_since < FIRST_CALIBRATION_S)
+
+    def _hand_on(self) -> None:
+        """Give the waiting set its calibration: of its stamp, else the newest."""
+        found, self._early = self._early, None
+        if found is not None:
+            self._on_messages(found, Calibration(
+                found.messages.get(LEFT_INFO, self._newest.left),
+                found.messages.get(RIGHT_INFO, self._newest.right)))

@@ -34,9 +34,10 @@ class PairWatch:
     def look(self, refined: RefinedFrame) -> list[Advice]:
         """Take the next frame; return what is wrong, the worst first."""
         frame, result = refined.frame, refined.result
+        info = frame.calibration.left
         seen = Observation(
             result.health, result.lr_consistent_ratio, self._frozen(frame.left, frame.right),
-            frame.left_info is not None and any(frame.left_info.d),
+            info is not None and any(info.d),
             refined.decoded.preliminary is not None)
         return self._settled.add(advise(seen))
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+import math
 import sys
 import time
 from typing import Any
@@ -29,12 +30,13 @@ from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
 from stereo_refine_ros.encodings import BadMessage
+from stereo_refine_ros.node.calibration import Calibration
 from stereo_refine_ros.node.counters import FrameCounters, Throttle
 from stereo_refine_ros.node.diagnostics import ADVICE, frame_status, FrameSummary
 from stereo_refine_ros.node.disparity_messages import disparity_message
 from stereo_refine_ros.node.frame import (
-    Calibration, check_frame, decode_frame, decode_truth, Frame, stamp_ns,
-    with_declared_range)
+    check_frame, decode_frame, decode_truth, Frame, stamp_ns,
+    with_declared_range, with_nearest)
 from stereo_refine_ros.node.frame_refiner import FrameRefiner
 from stereo_refine_ros.node.inputs import Inputs
 from stereo_refine_ros.node.metrics_message import metrics_message
@@ -46,7 +48,7 @@ from stereo_refine_ros.node.publishers import Publishers
 from stereo_refine_ros.node.reporter import Reporter
 from stereo_refine_ros.node.truth import TruthDesk
 from stereo_refine_ros.node.views import (
-    confidence_figures, NEED_CAMERA_INFO, RefinedFrame, sure_part, VIEWS)
+    confidence_figures, missing_for, RefinedFrame, sure_part, VIEWS)
 from stereo_refine_ros.node.worker import Afterwork, Worker
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.pipeline import StereoRefiner
@@ -73,6 +75,7 @@ class RefineNode(Node):
                          **node_options)
         self._started = time.monotonic()
         self._throttle = Throttle(WARN_PERIOD_S)
+        self._once = Throttle(math.inf)
         self._counters = FrameCounters()
         self._last = FrameSummary()
         self._ready = False
@@ -114,10 +117,12 @@ class RefineNode(Node):
         """Check a complete set and leave it to the worker."""
         self._counters.received()
         try:
-            frame = check_frame(found, calibration)
+            frame = check_frame(found, calibration, self._settings.current.camera)
         except Exception as error:  # every pair is accounted for, whatever it holds
             self._on_frame_error(error)
             return
+        for note in frame.notes:
+            self._warn(note.key, note.text, once=True)
         if self._worker.submit(frame) is not None:
             self._counters.superseded()
 
@@ -126,7 +131,8 @@ class RefineNode(Node):
         params = self._settings.current
         threads = params.processing.threads if is_alone else params.processing.threads // 2
         decoded = decode_frame(frame)
-        params = with_declared_range(params, decoded.search_range)
+        params = with_declared_range(
+            with_nearest(params, decoded.geometry), decoded.search_range)
         result, failure = self._refiner.refine(
             decoded.pair, decoded.preliminary, params, max(1, threads))
         return RefinedFrame(frame, decoded, params, result,
@@ -140,7 +146,8 @@ class RefineNode(Node):
         self._counters.published()
         advice = tuple(self._watch.look(refined))
         self._last = FrameSummary(
-            header.frame_id, self._age_ms(header), result.disparity.valid_ratio, advice)
+            header.frame_id, self._age_ms(header), result.disparity.valid_ratio, advice,
+            tuple(note.text for note in refined.frame.notes if note.is_lasting))
         self._report_troubles(refined)
         refined = replace(refined, figures=self._figures(refined), advice=advice)
         if self._outputs.wants('metrics'):
@@ -154,9 +161,9 @@ class RefineNode(Node):
                 self._guarded(lambda topic=topic: self._publish_view(topic, refined))()
 
     def _publish_view(self, topic: str, refined: RefinedFrame) -> None:
-        if topic in NEED_CAMERA_INFO and not refined.decoded.has_principal_point:
-            self._warn('uncalibrated', 'planes, points and depth/camera_info need left and '
-                       'right camera_info')
+        missing = missing_for(topic, refined)
+        if missing:
+            self._warn(f'no {topic}', f'{topic} is not published: {missing}')
             return
         self._outputs.publish(topic, VIEWS[topic](refined))
 
@@ -231,7 +238,8 @@ class RefineNode(Node):
 
     def _on_parameters(self, old: Params, new: Params) -> None:
         cv2.setNumThreads(new.processing.threads)
-        if old.sync != new.sync or old.matching.method != new.matching.method:
+        if old.sync != new.sync or old.matching.method != new.matching.method \
+                or old.camera != new.camera:
             self._inputs.configure(new)
             self._guarded(self._update_subscriptions)()
 
@@ -252,8 +260,8 @@ class RefineNode(Node):
     def _age_ms(self, header: Header) -> float:
         return (self.get_clock().now().nanoseconds - stamp_ns(header)) / 1e6
 
-    def _warn(self, key: str, text: str) -> None:
-        if self._throttle.allows(key):
+    def _warn(self, key: str, text: str, once: bool = False) -> None:
+        if (self._once if once else self._throttle).allows(key):
             self.get_logger().warning(text)
 
     def _guarded(self, callback: Callable[[], None]) -> Callable[[], None]:

@@ -89,4 +89,5 @@ class Reporter:
             unmatched=self._inputs.unmatched, unmatched_before=self._unmatched_before,
             lag=describe_lag(self._inputs.pairing), fps=self._counters.fps(),
             latency_ms=last.latency_ms, valid_ratio=last.valid_ratio,
-            advice=last.advice if self._inputs.listening else ())
+            advice=last.advice if self._inputs.listening else (),
+            notes=last.notes if self._inputs.listening else ())

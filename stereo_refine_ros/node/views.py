@@ -112,7 +112,7 @@ def _depth(refined: RefinedFrame) -> Any:
 
 
 def _depth_info(refined: RefinedFrame) -> Any:
-    info = copy(refined.frame.left_info)
+    info = copy(refined.frame.calibration.left)
     info.header = refined.header
     return info
 
@@ -137,5 +137,16 @@ VIEWS: dict[str, Callable[[RefinedFrame], Any]] = {
         refined.header, refined.result.confidence, '32FC1'),
     'segments': _segments, 'depth': _depth, 'depth/camera_info': _depth_info,
     'planes': _planes, 'points': _points}
-# These need to know where the optical axis goes through the image.
-NEED_CAMERA_INFO = frozenset({'planes', 'points', 'depth/camera_info'})
+
+
+def missing_for(topic: str, refined: RefinedFrame) -> str:
+    """Say what a view would need and the frame does not have; an empty text if nothing."""
+    decoded = refined.decoded
+    if topic in ('depth', 'planes', 'points') and not decoded.has_depth:
+        return ('focal length and baseline are not known; publish calibrated camera_info, or '
+                'set camera.baseline and camera.focal_length')
+    if topic in ('planes', 'points') and not decoded.has_principal_point:
+        return 'it needs left and right camera_info'
+    if topic == 'depth/camera_info' and refined.frame.calibration.left is None:
+        return 'no left/camera_info came'
+    return ''

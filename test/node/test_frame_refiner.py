@@ -19,7 +19,8 @@ import numpy as np
 import pytest
 
 from stereo_refine_ros.encodings import BadMessage
-from stereo_refine_ros.node.frame import Calibration, check_frame, decode_frame
+from stereo_refine_ros.node.calibration import Calibration
+from stereo_refine_ros.node.frame import check_frame, decode_frame
 from stereo_refine_ros.node.frame_refiner import FAILURES_BEFORE_FALLBACK, FrameRefiner
 from stereo_refine_ros.node.pairing import MessageSet
 from stereo_refine_ros.params import load_preset

@@ -101,6 +101,24 @@ def test_an_incompatible_publisher_and_a_silent_remapped_topic_are_named(make_cl
         node.wait_log('right/image_rect (/cam/right), left/camera_info')
 
 
+def test_without_any_camera_info_the_disparity_comes_and_says_what_it_lacks(make_client):
+    with running_node(*reliable_inputs(), '-p', 'matching.num_disparities:=16') as node:
+        client = make_client()
+        client.subscribe('disparity', DisparityImage)
+        client.subscribe('/diagnostics', DiagnosticArray)
+        images = ('left/image_rect', 'right/image_rect')
+        client.connect(images)
+
+        def said():
+            sent = stereo_messages(*PAIR, next(_stamps))
+            client.send({topic: sent[topic] for topic in images})
+            return any('disparity comes without depth: no left/camera_info came' in
+                       message.status[0].message for message in client.received['/diagnostics'])
+        client.until(said, 30.0, lambda: f'a word on camera_info\n{node.log}')
+        assert client.received['disparity'][-1].f == 0.0
+        assert 'camera.baseline and camera.focal_length' in node.log
+
+
 def external_messages(values, stamp, **fields):
     """A pair whose disparity comes from somebody else."""
     sent = stereo_messages(*PAIR, stamp)

@@ -14,14 +14,16 @@
 
 """What is shown of a frame: the sure part of the map, its confidence, limits and companions."""
 
-from harness import camera_info, floats, stereo_messages, textured_pair
+from dataclasses import replace
+
+from harness import camera_info, floats
 import numpy as np
 import pytest
 
-from stereo_refine_ros.node.frame import Calibration, check_frame, DecodedFrame, Frame
-from stereo_refine_ros.node.pairing import MessageSet
+from stereo_refine_ros.node.calibration import Calibration
+from stereo_refine_ros.node.frame import DecodedFrame, Frame
 from stereo_refine_ros.node.views import (
-    confidence_figures, RefinedFrame, sure_part, VIEWS)
+    confidence_figures, missing_for, RefinedFrame, sure_part, VIEWS)
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.types import (
     DisparityMap, PairHealth, PlaneSegmentation, RefinementResult, StereoGeometry, StereoPair)
@@ -43,7 +45,7 @@ def refined(values, confidence, health=HEALTHY, **parameters):
     result = RefinementResult(found, found, segments, 0.9, confidence=confidence, health=health)
     pair = StereoPair(np.zeros(values.shape, np.uint8), np.zeros(values.shape, np.uint8))
     info = camera_info(values.shape[1], values.shape[0], 7)
-    frame = Frame(camera_info(1, 1, 9).header, GEOMETRY, None, left_info=info)
+    frame = Frame(camera_info(1, 1, 9).header, GEOMETRY, None, calibration=Calibration(info, info))
     return RefinedFrame(frame, DecodedFrame(pair, GEOMETRY), params, result,
                         sure_part(result, params.output.min_confidence))
 
@@ -88,8 +90,8 @@ def test_depth_has_its_camera_info():
     frame = refined([[5.0]], [[1.0]])
     info = VIEWS['depth/camera_info'](frame)
     assert info.header == VIEWS['depth'](frame).header
-    assert (info.width, info.height, list(info.p)) == (1, 1, list(frame.frame.left_info.p))
-    assert frame.frame.left_info.header.stamp.nanosec == 7  # not written to
+    assert (info.width, info.height, list(info.p)) == (1, 1, list(frame.frame.calibration.left.p))
+    assert frame.frame.calibration.left.header.stamp.nanosec == 7  # not written to
 
 
 def test_figures_of_confidence_and_health():
@@ -99,8 +101,15 @@ def test_figures_of_confidence_and_health():
                        'row_offset_px': 0.5, 'gain_ratio': 1.125, 'noise_sigma': 2.0}
 
 
-def test_the_left_camera_info_travels_with_the_frame():
-    sent = stereo_messages(*textured_pair(), 1)
-    calibration = Calibration(sent['left/camera_info'], sent['right/camera_info'])
-    frame = check_frame(MessageSet(1, sent), calibration)
-    assert frame.left_info is sent['left/camera_info']
+def test_what_a_view_lacks_is_said():
+    frame = refined([[5.0]], [[1.0]])
+    assert {missing_for(topic, frame) for topic in VIEWS} == {''}
+    lost = replace(frame, frame=replace(frame.frame, calibration=Calibration()),
+                   decoded=replace(frame.decoded, has_principal_point=False))
+    assert {topic for topic in VIEWS if missing_for(topic, lost)} == {
+        'planes', 'points', 'depth/camera_info'}
+    blind = replace(frame, decoded=replace(
+        frame.decoded, geometry=StereoGeometry(0.0, 0.0, 1.0, 0.5, 1.0)))
+    assert {topic for topic in VIEWS if missing_for(topic, blind)} == {
+        'planes', 'points', 'depth'}
+    assert 'camera.baseline and camera.focal_length' in missing_for('depth', blind)
