@@ -96,6 +96,15 @@ class Inputs:
         return self.pairing.holds or self._early is not None
 
     @property
+    def is_starting(self) -> bool:
+        """Whether publishers may still be about to be found."""
+        return time.monotonic() - self._listening_since < SILENT_S
+
+    def topics(self) -> list[str]:
+        """Name the topics that are subscribed to now."""
+        return list(self._subscriptions)
+
+    @property
     def unmatched(self) -> int:
         """Instants for which some topic delivered and another did not, since the start."""
         return self._unmatched_before + self.pairing.unmatched
@@ -114,6 +123,8 @@ class Inputs:
         self._waits_for_calibration = not external and not (
             params.camera.baseline and params.camera.focal_length)
         self._listening_since = time.monotonic()
+        for topic in self._subscriptions.keys() & set(optional):
+            self.pairing.expect(topic, self._listening_since)
 
     def listen(self, wanted: bool, with_truth: bool) -> None:
         """Subscribe to what is needed now and to nothing else."""
@@ -135,7 +146,7 @@ class Inputs:
     def silent_topics(self) -> list[str]:
         """Name images that did not come for `SILENT_S`, and with them a missing calibration."""
         now = time.monotonic()
-        if not self.listening or now - self._listening_since < SILENT_S:
+        if not self.listening or self.is_starting:
             return []
         silent = [name for name in self.pairing.required
                   if now - (self.pairing.topics[name].last_arrival or 0.0) > SILENT_S]

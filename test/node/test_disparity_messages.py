@@ -111,7 +111,7 @@ def test_a_bigendian_flag_is_believed_only_if_values_make_sense(stored):
 
 
 @pytest.mark.parametrize('change,reason', [
-    ({'encoding': '16UC1'}, 'encoding'), ({'step': 8}, 'step'), ({'height': 3}, 'data_size'),
+    ({'encoding': 'mono8'}, 'encoding'), ({'step': 8}, 'step'), ({'height': 3}, 'data_size'),
     ({'width': 0}, 'zero_size'), ({'width': 2 ** 31}, 'too_large')])
 def test_refusals(change, reason):
     message = received(VALUES)

@@ -157,6 +157,23 @@ def test_sgbm_from_outside_is_refined_to_the_bits_of_sgbm_inside(make_client):
         assert 'rescaled' in node.log
 
 
+def test_a_matcher_that_is_half_a_second_late_finds_its_images(make_client):
+    """Twenty pairs, twice what sync.queue_size keeps, before the first map."""
+    with running_node('-p', 'matching.method:=external', *reliable_inputs()):
+        client = make_client()
+        client.subscribe('disparity', DisparityImage)
+        sent = [external_messages(np.full((96, 160), 6.25), next(_stamps)) for _ in range(20)]
+        client.connect(sent[0])
+        for messages in sent:
+            client.send({topic: item for topic, item in messages.items() if 'image' in topic})
+            client.spin(0.01)
+        client.send({'preliminary/disparity': sent[0]['preliminary/disparity']})
+        client.until(lambda: client.received['disparity'], 60.0, 'the refined map')
+        message = client.received['disparity'][0]
+        assert message.header == sent[0]['preliminary/disparity'].header
+        assert np.median(floats(message.image)) == pytest.approx(6.25, abs=0.1)
+
+
 def test_external_disparity_with_the_left_image_alone(make_client):
     values = np.full((96, 160), 6.25, np.float32)
     with running_node('-p', 'matching.method:=external', *reliable_inputs()):
