@@ -93,8 +93,8 @@ class NodeUnderTest:
 
     def _wait(self) -> None:
         end = time.monotonic() + 60.0
-        while self.counts().in_flight or self.node._inputs.pairing.holds:
-            if self.node._inputs.pairing.holds:
+        while self.counts().in_flight or self.node._inputs.holds:
+            if self.node._inputs.holds:
                 self._spin()
             time.sleep(0.0005)
             if time.monotonic() > end:
@@ -102,7 +102,7 @@ class NodeUnderTest:
 
     def counts(self) -> Any:
         """Return the node's own counters."""
-        return self.node._ledger.counts()
+        return self.node._counters.counts()
 
 
 def good_set(stamp: int, external: bool) -> Messages:

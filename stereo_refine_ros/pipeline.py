@@ -120,6 +120,29 @@ class StereoRefiner:
             stage_ms, (time.perf_counter() - begin) * 1e3,
             np.where(np.isfinite(before), np.float32(0.9), np.float32(0.3)), PairHealth())
 
+    def preliminary_only(self, left: Image, right: Image | None,
+                         preliminary: FloatMap | None = None, threads: int | None = None
+                         ) -> RefinementResult:
+        """
+        Return the preliminary disparity unrefined: what is left where refining fails.
+
+        Parameters and errors are those of `process`. The map may have holes; what is valid has
+        confidence 1, and the image is one unfitted segment.
+        """
+        begin = time.perf_counter()
+        pair = StereoPair(left, right)
+        stage_ms = dict.fromkeys(('matching', 'segmentation', 'planes', 'filter'), 0.0)
+        with _timed(stage_ms, 'matching'):
+            if preliminary is None:
+                found = compute_match(
+                    pair, self.params.matching, threads or self.params.processing.threads
+                ).disparity
+            else:
+                found = self._map(_checked(preliminary, pair.shape))
+        return RefinementResult(
+            found, found, unfitted(np.zeros(pair.shape, np.int32), 1), float('nan'), stage_ms,
+            (time.perf_counter() - begin) * 1e3, found.valid.astype(np.float32), PairHealth())
+
     def _describe(self, image: Image, stage_ms: dict[str, float]) -> ImageStructure:
         with _timed(stage_ms, 'segmentation'):
             return describe_image(image, self.params.segmentation)

@@ -70,13 +70,17 @@ def main(args: list[str] | None = None) -> int:
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
+    from stereo_refine_ros.node.parameters import BadParameters
     from stereo_refine_ros.node.refine_node import RefineNode
     if not stop.may_open():
         return 0
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = RefineNode()
-    except Exception as error:  # parameters or QoS overrides that cannot be used
+    except BadParameters:  # the node has said why, under its own name
+        rclpy.try_shutdown()
+        return 1
+    except Exception as error:  # for example QoS overrides that cannot be used
         rclpy.logging.get_logger('refine_node').fatal(f'{type(error).__name__}: {error}')
         rclpy.try_shutdown()
         return 1

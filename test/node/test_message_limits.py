@@ -75,7 +75,7 @@ def test_refusals_say_what_was_expected():
     assert f"encoding '{'y' * 40}' is none of mono8, 8UC1, mono16," in text
     message = DisparityImage(image=image(8, 2, 'z' * 41, step=32))
     assert refusal(check_disparity, 'd', message) == (
-        'encoding', f"d: encoding '{'z' * 40}' is not 32FC1")
+        'encoding', f"d: encoding '{'z' * 40}' is none of 32FC1, 16SC1, 16UC1")
     message = DisparityImage(image=image(8, 2, '32FC1'))
     assert refusal(read_disparity, 'd', message)[1].startswith('d: step 8')
 
