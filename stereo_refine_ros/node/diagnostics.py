@@ -34,6 +34,7 @@ ADVICE = {
     'size_differs': 'set both cameras to one resolution',
     'camera_info_size': 'calibrate for this resolution, or set roi and binning in camera_info',
     'focal_length': 'calibrate the cameras and publish the rectified projection matrix P',
+    'distortion': 'publish K, D, R and P of a stereo calibration, or set inputs.rectify to false',
     'delta_d': 'publish 32FC1 in pixels, or set delta_d (1/16 for OpenCV)',
     'aspect_ratio': 'publish the disparity of the whole image, at any scale',
     'baseline': 'check that left and right are not swapped and that P[3] is set on the right',

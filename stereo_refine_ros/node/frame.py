@@ -20,13 +20,13 @@ from dataclasses import dataclass, replace
 import math
 
 import numpy as np
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
 from stereo_refine_ros.camera_info import AS_PUBLISHED
-from stereo_refine_ros.encodings import BadMessage, check_image, decode_image
-from stereo_refine_ros.grey_range import same_kind, SteadyRange
+from stereo_refine_ros.decoding import PairDecoder, view_size
+from stereo_refine_ros.encodings import BadMessage
 from stereo_refine_ros.messages.disparity import (
     check_disparity, read_disparity, ReceivedDisparity, resize_disparity)
 from stereo_refine_ros.node.calibration import calibrate, Calibration, Note
@@ -37,6 +37,7 @@ from stereo_refine_ros.types import FloatMap, StereoGeometry, StereoPair
 LEFT, RIGHT = 'left/image_rect', 'right/image_rect'
 LEFT_INFO, RIGHT_INFO = 'left/camera_info', 'right/camera_info'
 PRELIMINARY, TRUTH = 'preliminary/disparity', 'ground_truth/disparity'
+View = Image | CompressedImage
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +55,8 @@ class Frame:
     left, right, preliminary : messages, or None where the frame has none
     calibration : Calibration
         The messages behind the geometry; the left one goes out beside the depth.
+    is_raw : bool
+        The images have to be rectified by them.
     notes : tuple of Note
         What is doubtful.
 
@@ -61,10 +64,11 @@ class Frame:
 
     header: Header
     geometry: StereoGeometry | None
-    left: Image
-    right: Image | None = None
+    left: View
+    right: View | None = None
     preliminary: DisparityImage | None = None
     calibration: Calibration = Calibration()
+    is_raw: bool = False
     notes: tuple[Note, ...] = ()
 
     @property
@@ -108,7 +112,7 @@ class DecodedFrame:
 
 
 def check_frame(found: MessageSet, calibration: Calibration,
-                camera: CameraParams = AS_PUBLISHED) -> Frame:
+                camera: CameraParams = AS_PUBLISHED, is_raw: bool = False) -> Frame:
     """
     Check a set of messages without touching pixels.
 
@@ -120,6 +124,8 @@ def check_frame(found: MessageSet, calibration: Calibration,
         Of the images.
     camera : CameraParams
         What stands instead of the calibration.
+    is_raw : bool
+        Whether the images have to be rectified.
 
     Raises
     ------
@@ -129,34 +135,30 @@ def check_frame(found: MessageSet, calibration: Calibration,
     """
     messages = found.messages
     left, right = messages[LEFT], messages.get(RIGHT)
-    check_image(LEFT, left)
+    size = view_size(LEFT, left)
     if right is not None:
-        check_image(RIGHT, right)
-        _check_same_size(left, right)
-    size = left.width, left.height
+        _check_same_size(size, view_size(RIGHT, right))
+    if is_raw:
+        _check_can_rectify(calibration, right is not None)
     if PRELIMINARY in messages:
         preliminary = messages[PRELIMINARY]
         check_disparity(PRELIMINARY, preliminary)
         # Where neither camera_info nor parameters say it, the map's own f and T serve.
         is_known = calibration.is_complete or (camera.baseline and camera.focal_length)
         geometry, notes = calibrate(calibration, camera, *size) if is_known else (None, ())
-        return Frame(preliminary.header, geometry, left, right, preliminary, calibration, notes)
+        return Frame(preliminary.header, geometry, left, right, preliminary, calibration, is_raw,
+                     notes)
     geometry, notes = calibrate(calibration, camera, *size)
     info = calibration.left
     frame_id = (info.header.frame_id if info is not None else '') or left.header.frame_id
     header = Header(stamp=left.header.stamp, frame_id=frame_id)
-    return Frame(header, geometry, left, right, None, calibration, notes)
+    return Frame(header, geometry, left, right, None, calibration, is_raw, notes)
 
 
-def decode_frame(frame: Frame) -> DecodedFrame:
-    """Decode the pixels of a checked frame."""
-    left = decode_image(LEFT, frame.left)
-    right = None if frame.right is None else decode_image(RIGHT, frame.right)
-    if right is None:
-        left, = SteadyRange().to_8bit(left)
-    else:
-        left, right = same_kind(*SteadyRange().to_8bit(left, right))
-    pair = StereoPair(left, right)
+def decode_frame(frame: Frame, decoder: PairDecoder | None = None) -> DecodedFrame:
+    """Decode the pixels of a checked frame, as those of the frames before it were."""
+    infos = (frame.calibration.left, frame.calibration.right) if frame.is_raw else None
+    pair = (decoder or PairDecoder()).decode(frame.left, frame.right, infos)
     if frame.preliminary is not None:
         return _with_preliminary(frame, frame.preliminary, pair)
     if frame.geometry is None:
@@ -271,8 +273,15 @@ def _no_geometry(pair: StereoPair) -> StereoGeometry:
     return StereoGeometry(0.0, 0.0, cx, (height - 1) / 2.0, cx)
 
 
-def _check_same_size(left: Image, right: Image) -> None:
-    if (left.width, left.height) != (right.width, right.height):
+def _check_same_size(left: tuple[int, int], right: tuple[int, int]) -> None:
+    if left != right:
+        raise BadMessage('size_differs', f'left image is {left[0]} x {left[1]}, '
+                         f'right image {right[0]} x {right[1]}')
+
+
+def _check_can_rectify(calibration: Calibration, has_right: bool) -> None:
+    missing = [LEFT_INFO] if calibration.left is None else []
+    missing += [RIGHT_INFO] if has_right and calibration.right is None else []
+    if missing:
         raise BadMessage(
-            'size_differs', f'left image is {left.width} x {left.height}, '
-            f'right image {right.width} x {right.height}')
+            'distortion', f'inputs.rectify needs {" and ".join(missing)}, and none came')

@@ -27,7 +27,7 @@ def type_name(kind: type) -> str:
     return f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}'
 
 
-def explain_silence(node: Node, topic: str, kind: type) -> str:
+def explain_silence(node: Node, topic: str, name: str, kind: type) -> str:
     """
     Say why nothing may come on a topic, and what to do.
 
@@ -37,11 +37,13 @@ def explain_silence(node: Node, topic: str, kind: type) -> str:
         That listens.
     topic : str
         As the node calls it.
+    name : str
+        Its full name, remapped.
     kind : type
         Of the messages wanted.
 
     """
-    name, wanted = node.resolve_topic_name(topic), type_name(kind)
+    wanted = type_name(kind)
     publishers = node.get_publishers_info_by_topic(name)
     if not publishers:
         return f'nobody publishes {name}{_alternatives(node, topic, name, wanted)}'
@@ -85,6 +87,8 @@ def _alternatives(node: Node, topic: str, name: str, wanted: str) -> str:
                if node.count_publishers(found) > 0}
     if f'{name}/compressed' in present:
         return f'; {name}/compressed is there: set inputs.image_transport to compressed'
+    if name.removesuffix('/compressed') != name and name.removesuffix('/compressed') in present:
+        return f'; {name.removesuffix("/compressed")} is there: set inputs.image_transport to raw'
     side = topic.partition('/')[0]
     alike = [found for found, types in present.items()
              if wanted in types and found != name and side in found.strip('/').split('/')]

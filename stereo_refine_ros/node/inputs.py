@@ -32,7 +32,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from stereo_msgs.msg import DisparityImage
 
 from stereo_refine_ros.node.calibration import Calibration
@@ -44,6 +44,7 @@ from stereo_refine_ros.params import Params
 TYPES: dict[str, type] = {
     LEFT: Image, RIGHT: Image, LEFT_INFO: CameraInfo, RIGHT_INFO: CameraInfo,
     PRELIMINARY: DisparityImage, TRUTH: DisparityImage}
+COMPRESSED = '/compressed'
 SILENT_S = 2.0
 FIRST_CALIBRATION_S = 2.0  # longest wait for the first camera_info
 KEEP_S = 3.0  # how long images wait for another matcher
@@ -79,6 +80,7 @@ class Inputs:
         self._on_hold = on_hold
         self._on_incompatible = on_incompatible
         self._subscriptions: dict[str, Subscription] = {}
+        self._is_compressed = False
         self._newest = Calibration()
         self._early: MessageSet | None = None
         self._unmatched_before = 0
@@ -111,6 +113,7 @@ class Inputs:
 
     def configure(self, params: Params) -> None:
         """Start a new pairing as the parameters ask."""
+        self._choose_transport(params.inputs.image_transport == 'compressed')
         if hasattr(self, 'pairing'):
             self._emit(self.pairing.release(math.inf))
             self._unmatched_before += self.pairing.unmatched
@@ -120,7 +123,7 @@ class Inputs:
         slop_ns = round(params.sync.slop * 1e9) if params.sync.approximate else 0
         self.pairing = Pairing(required, optional, slop_ns, params.sync.queue_size,
                                KEEP_S if external else 0.0)
-        self._waits_for_calibration = not external and not (
+        self._waits_for_calibration = params.inputs.rectify or not external and not (
             params.camera.baseline and params.camera.focal_length)
         self._listening_since = time.monotonic()
         for topic in self._subscriptions.keys() & set(optional):
@@ -160,16 +163,40 @@ class Inputs:
 
     def full_name(self, topic: str) -> str:
         """Name a topic, and what it is remapped to."""
-        resolved = self._node.resolve_topic_name(topic)
+        resolved, _ = self.source(topic)
         return topic if resolved == f'/{topic}' else f'{topic} ({resolved})'
 
+    def source(self, topic: str) -> tuple[str, type]:
+        """
+        Return under which full name, and as which type, a topic is subscribed to.
+
+        Compressed images lie beside the images, as image_transport puts them: beside what the
+        image is remapped to, unless the compressed topic itself is remapped.
+        """
+        name = self._node.resolve_topic_name(topic)
+        if not self._is_compressed or topic not in (LEFT, RIGHT):
+            return name, TYPES[topic]
+        beside = topic + COMPRESSED
+        remapped = self._node.resolve_topic_name(beside)
+        is_remapped = remapped != self._node.resolve_topic_name(beside, only_expand=True)
+        return remapped if is_remapped else name + COMPRESSED, CompressedImage
+
+    def _choose_transport(self, is_compressed: bool) -> None:
+        """Let go of images that come the other way; `listen` subscribes anew."""
+        if is_compressed != self._is_compressed:
+            for topic in {LEFT, RIGHT} & self._subscriptions.keys():
+                self._node.destroy_subscription(self._subscriptions.pop(topic))
+        self._is_compressed = is_compressed
+
     def _subscribe(self, topic: str) -> Subscription:
+        name, kind = self.source(topic)
+
         def create(events: SubscriptionEventCallbacks | None) -> Subscription:
             profile = QoSProfile(
                 depth=qos_profile_sensor_data.depth,
                 reliability=qos_profile_sensor_data.reliability)
             return self._node.create_subscription(
-                TYPES[topic], topic, lambda message: self._receive(topic, message), profile,
+                kind, name, lambda message: self._receive(topic, message), profile,
                 event_callbacks=events,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies())
         try:

@@ -37,7 +37,7 @@ class PairWatch:
         info = frame.calibration.left
         seen = Observation(
             result.health, result.lr_consistent_ratio, self._frozen(frame.left, frame.right),
-            info is not None and any(info.d),
+            info is not None and any(info.d) and not frame.is_raw,
             refined.decoded.preliminary is not None)
         return self._settled.add(advise(seen))
 

@@ -29,6 +29,7 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
+from stereo_refine_ros.decoding import PairDecoder
 from stereo_refine_ros.encodings import BadMessage
 from stereo_refine_ros.messages.disparity import disparity_message
 from stereo_refine_ros.messages.metrics import metrics_message
@@ -98,6 +99,7 @@ class RefineNode(Node):
             self._hold_timer.reset, lambda topic: self._reporter.incompatible(topic))
         self._outputs = Publishers(self, self._update_subscriptions)
         self._reporter = Reporter(self, self._counters, self._inputs, self._warn)
+        self._decoder = PairDecoder()
         self._refiner = FrameRefiner()
         self._watch = PairWatch()
         self._afterwork = Afterwork(self._on_error)
@@ -117,7 +119,8 @@ class RefineNode(Node):
         """Check a complete set and leave it to the worker."""
         self._counters.received()
         try:
-            frame = check_frame(found, calibration, self._settings.current.camera)
+            params = self._settings.current
+            frame = check_frame(found, calibration, params.camera, params.inputs.rectify)
         except Exception as error:  # every pair is accounted for, whatever it holds
             self._on_frame_error(error)
             return
@@ -130,7 +133,7 @@ class RefineNode(Node):
         """Decode a frame and refine it, on half the threads where another is in work."""
         params = self._settings.current
         threads = params.processing.threads if is_alone else params.processing.threads // 2
-        decoded = decode_frame(frame)
+        decoded = decode_frame(frame, self._decoder)
         params = with_declared_range(
             with_nearest(params, decoded.geometry), decoded.search_range)
         result, failure = self._refiner.refine(
@@ -239,7 +242,7 @@ class RefineNode(Node):
     def _on_parameters(self, old: Params, new: Params) -> None:
         cv2.setNumThreads(new.processing.threads)
         if old.sync != new.sync or old.matching.method != new.matching.method \
-                or old.camera != new.camera:
+                or old.camera != new.camera or old.inputs != new.inputs:
             self._inputs.configure(new)
             self._guarded(self._update_subscriptions)()
 

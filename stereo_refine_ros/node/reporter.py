@@ -26,7 +26,7 @@ from stereo_refine_ros.node.counters import Counts, FrameCounters
 from stereo_refine_ros.node.diagnostics import (
     diagnostic_array, diagnostic_status, FrameSummary, Health)
 from stereo_refine_ros.node.graph import explain_silence, feedback, rivals
-from stereo_refine_ros.node.inputs import Inputs, TYPES
+from stereo_refine_ros.node.inputs import Inputs
 from stereo_refine_ros.node.pairing_advice import explain_unmatched
 from stereo_refine_ros.node.publishers import TOPICS as OUTPUTS
 
@@ -108,7 +108,7 @@ class Reporter:
             notes=(last.notes if inputs.listening else ()) + self._rivals)
 
     def _ask_graph(self, silent: list[str]) -> tuple[str, ...]:
-        return tuple(explain_silence(self._node, topic, TYPES[topic])
+        return tuple(explain_silence(self._node, topic, *self._inputs.source(topic))
                      for topic in silent[:MOST_EXPLAINED])
 
     def _rates(self) -> dict[str, int]:

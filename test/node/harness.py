@@ -170,7 +170,8 @@ class Client:
 
     def exchange(self, messages: dict, topics=('disparity',), timeout_s: float = 20.0) -> list:
         """Send one set of messages; return what came on each topic with its stamp."""
-        stamp = messages.get('left/camera_info', messages['left/image_rect']).header.stamp
+        first = messages.get('left/camera_info') or messages['left/image_rect']
+        stamp = first.header.stamp
         for topic in topics:
             self.received[topic].clear()
         self.send(messages)

@@ -46,7 +46,7 @@ def until_seen(client, *names):
 
 
 def silence(client, topic='left/image_rect', kind=Image):
-    return explain_silence(client.node, topic, kind)
+    return explain_silence(client.node, topic, client.node.resolve_topic_name(topic), kind)
 
 
 def test_nobody_publishes_and_nothing_is_alike(client):
@@ -69,6 +69,13 @@ def test_a_compressed_topic_is_pointed_to(client, other):
     until_seen(client, '/left/image_rect/compressed')
     assert silence(client).endswith(
         '/left/image_rect/compressed is there: set inputs.image_transport to compressed')
+
+
+def test_a_plain_topic_is_pointed_to_where_compressed_ones_are_wanted(client, other):
+    other.create_publisher(Image, '/left/image_rect', 1)
+    until_seen(client, '/left/image_rect')
+    assert silence(client, 'left/image_rect/compressed', CompressedImage).endswith(
+        '/left/image_rect is there: set inputs.image_transport to raw')
 
 
 def test_another_type_is_named(client, other):
