@@ -235,6 +235,17 @@ def _constant(messages: Messages, rng: np.random.Generator) -> None:
     message.data.frombytes(bytes([value]) * size)
 
 
+def _sixteen_bits(messages: Messages, rng: np.random.Generator) -> None:
+    """Flood with 16-bit images whose range is another one each time, from none to all."""
+    low, high = sorted(int(value) for value in rng.integers(0, 65536, 2))
+    for name in (LEFT, RIGHT):
+        message = messages[name]
+        message.encoding, message.step = 'mono16', 2 * message.width
+        deep = rng.integers(low, high + 1, (message.height, message.width)).astype('<u2')
+        del message.data[:]
+        message.data.frombytes(deep.tobytes())
+
+
 def _odd_stamp(messages: Messages, rng: np.random.Generator) -> None:
     """Stamp the whole set alike, at a time that no clock shows."""
     sec = pick(rng, (0, -1, -2 ** 31, 2 ** 31 - 1))
@@ -251,4 +262,5 @@ HARMFUL: dict[str, Defect] = {
     'length of P': _projection_length, 'one stamp': _stamp_of_one}
 HARMLESS: dict[str, Defect] = {
     'padding': _padding, 'unused fields': _unused_fields, 'byte order': _byte_order,
-    'noise': _noise, 'constant': _constant, 'odd stamp': _odd_stamp}
+    'noise': _noise, 'constant': _constant, '16 bits': _sixteen_bits,
+    'odd stamp': _odd_stamp}

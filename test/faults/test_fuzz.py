@@ -40,7 +40,8 @@ def test_fuzzer_finds_nothing(tmp_path):
     found = tmp_path / 'counts.json'
     done = subprocess.run(
         [sys.executable, str(FUZZ), '--count', '6000', '--sets', '1500', '--external', '600',
-         '--seed', '20', '--json', str(found)], capture_output=True, text=True, timeout=240)
+         '--compressed', '0', '--seed', '20', '--json', str(found)],
+        capture_output=True, text=True, timeout=240)
     assert done.returncode == 0, done.stdout + done.stderr
     counts = json.loads(found.read_text(encoding='utf-8'))
     assert not any('violations' in part for part in counts.values())
@@ -54,6 +55,23 @@ def test_fuzzer_finds_nothing(tmp_path):
     assert refused == counts['node']['refused: one stamp'] + sum(
         n for key, n in counts['node'].items()
         if key.startswith('counted') and 'published' not in key)
+
+
+def test_fuzzer_finds_nothing_in_compressed_images(tmp_path):
+    found = tmp_path / 'counts.json'
+    done = subprocess.run(
+        [sys.executable, str(FUZZ), '--count', '8000', '--sets', '0', '--external', '0',
+         '--compressed', '600', '--seed', '20', '--json', str(found)],
+        capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stdout + done.stderr
+    counts = json.loads(found.read_text(encoding='utf-8'))
+    assert counts['conversions']['converted'] > 1000
+    files = counts['compressed']
+    assert files['answered: whole'] == files['counted: published'] > 100
+    assert all(files[f'refused: {name}'] > 50 for name in (
+        'bomb', 'cut off', 'another size', 'no image'))
+    assert min(files[f'counted: {reason}'] for reason in (
+        'encoding', 'too_large', 'data_size', 'size_differs')) > 0
 
 
 small = st.integers(0, 12)

@@ -22,8 +22,8 @@ from harness import (
 from live_node import diagnosis, good_pair, settled_health, stamps
 import numpy as np
 import pytest
-from real_scenes import real_scene_folder
 import rclpy
+from real_scenes import real_scene_folder
 from sensor_msgs.msg import CameraInfo, CompressedImage
 
 from stereo_refine_ros.datasets import iterate_folder
