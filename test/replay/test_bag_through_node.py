@@ -42,7 +42,8 @@ def _node(log_path):
     with log_path.open('wb') as log:
         process = subprocess.Popen(
             [sys.executable, '-m', 'stereo_refine_ros.refine_node', '--ros-args', '-p',
-             'matching.num_disparities:=24', '-p', 'use_sim_time:=true', *reliable],
+             'matching.num_disparities:=24', '-p', 'use_sim_time:=true',
+             '-p', 'output.min_confidence:=0.0', *reliable],
             stdout=log, stderr=log)
         try:
             yield
