@@ -22,8 +22,10 @@ import pytest
 from real_scenes import real_scene_folder
 
 from stereo_refine_ros.datasets import iterate_folder
-from stereo_refine_ros.datasets.calibration import read_projections
+from stereo_refine_ros.datasets.calibration import (
+    euroc_geometry, read_euroc, read_projections)
 from stereo_refine_ros.datasets.folder import iterate_globs, list_pairs
+import yaml
 
 
 def _write(path, level, channels=3):
@@ -223,3 +225,29 @@ def test_calibration_that_cannot_be_used_is_named(tmp_path):
     path.write_text(path.read_text().replace('pinhole', 'omni'))
     with pytest.raises(ValueError, match='cam1/sensor.yaml.*omni.*expected pinhole'):
         next(iterate_folder(tmp_path))
+
+
+def test_fisheye_cameras_are_rectified_too(tmp_path):
+    """The same rays through an equidistant lens: rows agree after rectification."""
+    source = real_scene_folder('../sequences/euroc_raw_excerpt') / 'mav0'
+    for camera in ('cam0', 'cam1'):
+        (tmp_path / camera).mkdir()
+        text = (source / camera / 'sensor.yaml').read_text().replace(
+            'radial-tangential', 'equidistant')
+        before, _, after = text.partition('distortion_coefficients: [')
+        path = tmp_path / camera / 'sensor.yaml'
+        path.write_text(f'{before}distortion_coefficients: [0.01, -0.02, 0.005, 0.001]'
+                        + after.partition(']')[2])
+    left, right = read_euroc(*(tmp_path / camera / 'sensor.yaml' for camera in ('cam0', 'cam1')))
+    assert (left.distortion_model, len(left.d)) == ('equidistant', 4)
+    assert euroc_geometry((left, right)).baseline_m == pytest.approx(0.11008, abs=1e-5)
+    # One point before both cameras lies on one row of the rectified views.
+    poses = [np.array(yaml.safe_load((tmp_path / camera / 'sensor.yaml').read_text())[
+        'T_BS']['data']).reshape(4, 4) for camera in ('cam0', 'cam1')]
+    point = poses[0] @ [0.3, -0.2, 2.0, 1.0]
+    rows = []
+    for model, pose in zip((left, right), poses, strict=True):
+        ray = np.array(model.r).reshape(3, 3) @ (np.linalg.inv(pose) @ point)[:3]
+        projected = np.array(model.p).reshape(3, 4)[:, :3] @ ray
+        rows.append(projected[1] / projected[2])
+    assert rows[0] == pytest.approx(rows[1], abs=0.01)
