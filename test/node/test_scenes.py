@@ -35,7 +35,7 @@ pytestmark = pytest.mark.ros
 
 @pytest.fixture(scope='module')
 def client():
-    with running_node(*reliable_inputs()):
+    with running_node(*reliable_inputs(), '-p', 'output.min_confidence:=0.0'):
         client = Client()
         client.subscribe('disparity', DisparityImage)
         client.subscribe('metrics', DiagnosticArray)
