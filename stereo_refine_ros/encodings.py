@@ -57,7 +57,7 @@ class BadMessage(ValueError):
     Parameters
     ----------
     reason : str
-        Most have advice of their own in `node.diagnostics.ADVICE`.
+        What `/diagnostics` counts it by; `diagnostics.ADVICE` has advice for some.
     text : str
         What is wrong, for the log.
 
