@@ -79,7 +79,7 @@ setup(
     entry_points={
         'console_scripts': [
             'refine_node = stereo_refine_ros.refine_node:main',
-            'replay = stereo_refine_ros.replay:main',
+            'replay = stereo_refine_ros.replay.__main__:main',
             'evaluate = stereo_refine_ros.evaluate:main',
         ],
     },

@@ -27,7 +27,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, Image
-from stereo_refine_ros.node.publishing import (
+from stereo_refine_ros.messages.scene import (
     camera_info_messages, image_message, nominal_geometry, scene_header)
 
 RELIABLE = QoSProfile(depth=10)

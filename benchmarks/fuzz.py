@@ -38,6 +38,7 @@ from fuzz_conversions import fuzz_conversions, HEIGHT, Report, WIDTH
 from malformed import (
     HARMFUL, HARMLESS, LEFT, LEFT_INFO, Messages, pick, PRELIMINARY, random_disparity, RIGHT,
     RIGHT_INFO)
+from malformed_compressed import compress, spoil, SPOILS
 import numpy as np
 import psutil
 
@@ -48,7 +49,7 @@ GOOD_EVERY = 50
 class NodeUnderTest:
     """The real node in this process; callbacks are called as the executor would."""
 
-    def __init__(self, method: str = 'sgbm') -> None:
+    def __init__(self, method: str = 'sgbm', transport: str = 'raw') -> None:
         """Start the node and a listener that makes it subscribe."""
         import rclpy
         from rclpy.parameter import Parameter
@@ -68,6 +69,7 @@ class NodeUnderTest:
         rclpy.init(args=['--ros-args', '--log-level', 'fatal'])
         self.node = RefineNode(parameter_overrides=[
             Parameter('matching.num_disparities', value=16),
+            Parameter('inputs.image_transport', value=transport),
             Parameter('matching.method', value=method)])
         self.listener = rclpy.create_node('listener')
         self.listener.create_subscription(
@@ -93,8 +95,8 @@ class NodeUnderTest:
 
     def _wait(self) -> None:
         end = time.monotonic() + 60.0
-        while self.counts().in_flight or self.node._inputs.pairing.holds:
-            if self.node._inputs.pairing.holds:
+        while self.counts().in_flight or self.node._inputs.holds:
+            if self.node._inputs.holds:
                 self._spin()
             time.sleep(0.0005)
             if time.monotonic() > end:
@@ -102,14 +104,14 @@ class NodeUnderTest:
 
     def counts(self) -> Any:
         """Return the node's own counters."""
-        return self.node._ledger.counts()
+        return self.node._counters.counts()
 
 
 def good_set(stamp: int, external: bool) -> Messages:
     """Return a good set: a textured pair, shifted by 6 px."""
     from stereo_msgs.msg import DisparityImage
-    from stereo_refine_ros.node.conversions import fill_image
-    from stereo_refine_ros.node.publishing import (
+    from stereo_refine_ros.messages.images import fill_image
+    from stereo_refine_ros.messages.scene import (
         camera_info_messages, image_message, nominal_geometry, scene_header)
     from builtin_interfaces.msg import Time
     wide = np.random.default_rng(7).integers(0, 256, (HEIGHT, WIDTH + 6, 3), np.uint8)
@@ -179,6 +181,26 @@ def fuzz_external(count: int, rng: np.random.Generator) -> Report:
     return report
 
 
+def fuzz_compressed(count: int, rng: np.random.Generator) -> Report:
+    """Feed `count` compressed sets: one in four whole, which must be answered, no other."""
+    report, node = Report(), NodeUnderTest(transport='compressed')
+    try:
+        for i in range(count):
+            messages = compress(good_set(2 * i + 1, False), rng)
+            name = 'whole' if rng.random() < 0.25 else pick(rng, list(SPOILS))
+            if name != 'whole':
+                spoil(messages, name, rng)
+            message = _answer(node, messages)
+            report.expect((message is not None) == (name == 'whole'),
+                          f'set {i}: {name}: {"" if message else "not "}answered')
+            _check_answer(report, message)
+            report.outcomes[f'{"answered" if message else "refused"}: {name}'] += 1
+        _account(report, node)
+    finally:
+        node.close()
+    return report
+
+
 def _answer(node: NodeUnderTest, messages: Messages) -> Any:
     """Return the disparity that the node published for a set, None if there was none."""
     node.published.clear()
@@ -218,6 +240,7 @@ def main(args: list[str] | None = None) -> int:
     parser.add_argument('--count', type=int, default=60000, help='messages for the conversions')
     parser.add_argument('--sets', type=int, default=20000, help='sets for the node')
     parser.add_argument('--external', type=int, default=5000, help='sets with a disparity')
+    parser.add_argument('--compressed', type=int, default=5000, help='sets of compressed images')
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--json', type=Path, help='write the counts here as well')
     options = parser.parse_args(args)
@@ -227,7 +250,8 @@ def main(args: list[str] | None = None) -> int:
     reports = {}
     parts: dict[str, tuple[Callable[..., Report], int]] = {
         'conversions': (fuzz_conversions, options.count), 'node': (fuzz_node, options.sets),
-        'external': (fuzz_external, options.external)}
+        'external': (fuzz_external, options.external),
+        'compressed': (fuzz_compressed, options.compressed)}
     for name, (fuzz, count) in parts.items():
         began = time.monotonic()
         reports[name] = report = fuzz(count, np.random.default_rng(options.seed))

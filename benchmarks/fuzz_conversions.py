@@ -21,10 +21,12 @@ from dataclasses import dataclass, field
 import math
 
 from malformed import random_disparity, random_image, random_info
+from malformed_compressed import random_compressed
 import numpy as np
-from stereo_refine_ros.encodings import BadMessage, decode_image
-from stereo_refine_ros.node.camera import stereo_geometry
-from stereo_refine_ros.node.disparity_messages import read_disparity
+from stereo_refine_ros.camera_info import stereo_geometry
+from stereo_refine_ros.compressed import check_compressed, decode_compressed
+from stereo_refine_ros.encodings import BadMessage, decode_image, ENCODINGS
+from stereo_refine_ros.messages.disparity import read_disparity
 
 WIDTH, HEIGHT = 64, 48
 
@@ -44,9 +46,9 @@ class Report:
 
 
 def fuzz_conversions(count: int, rng: np.random.Generator) -> Report:
-    """Draw `count` messages of the three kinds in turn and convert them."""
+    """Draw `count` messages of the four kinds in turn and convert them."""
     report = Report()
-    kinds = (_convert_image, _convert_info, _convert_disparity)
+    kinds = (_convert_image, _convert_info, _convert_disparity, _convert_compressed)
     for i in range(count):
         kind = kinds[i % len(kinds)]
         try:
@@ -65,8 +67,9 @@ def _convert_image(rng: np.random.Generator, report: Report) -> None:
     message = random_image(rng)
     pixels = decode_image('image', message)
     report.expect(
-        pixels.dtype == np.uint8 and pixels.shape[:2] == (message.height, message.width)
-        and len(message.data) == message.step * message.height,
+        pixels.dtype == f'u{ENCODINGS[message.encoding].item_bytes}'
+        and pixels.shape[:2] == (message.height, message.width)
+        and len(message.data) >= message.width * message.height,
         f'{message.encoding} {message.width} x {message.height} became {pixels.shape}')
     if message.encoding in ('mono8', 'bgr8'):
         row, column = message.height - 1, message.width - 1
@@ -74,6 +77,15 @@ def _convert_image(rng: np.random.Generator, report: Report) -> None:
         start = row * message.step + column * item
         report.expect(bytes(message.data[start:start + item]) == pixels[row, column].tobytes(),
                       f'{message.encoding}: last pixel differs')
+
+
+def _convert_compressed(rng: np.random.Generator, report: Report) -> None:
+    message = random_compressed(rng)
+    header = check_compressed('image', message)
+    pixels = decode_compressed('image', message)
+    report.expect(pixels.dtype in (np.uint8, np.uint16) and pixels.ndim in (2, 3)
+                  and pixels.shape[:2] == (header.height, header.width),
+                  f'{message.format[:40]} became {pixels.dtype} {pixels.shape}')
 
 
 def _convert_info(rng: np.random.Generator, report: Report) -> None:

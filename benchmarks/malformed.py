@@ -39,7 +39,7 @@ PRELIMINARY = 'preliminary/disparity'
 NUMBERS = (0.0, -0.0, -1.0, 1.0, 0.1, 100.0, 5e-324, 1e-30, 1e30, 1e300, -1e300, float('nan'),
            float('inf'), float('-inf'))
 SIZES = (0, 1, 2, 3, 4, 7, 16, 33, 16385, 65536, 2 ** 31, 2 ** 32 - 1)
-STRANGE_ENCODINGS = ('', 'MONO8', 'mono8 ', 'mono', '32FC1', '64FC4', 'bgr16', 'jpeg', 'nv21',
+STRANGE_ENCODINGS = ('', 'MONO8', 'mono8 ', 'mono', '32FC1', '64FC4', 'bgr15', 'jpeg', 'nv61',
                      'x' * 3000, '\u00e9\u4e2d', 'mono8\n', '8UC', '8UC-1')
 DATA_LIMIT = 1 << 16
 
@@ -64,7 +64,9 @@ def random_image(rng: np.random.Generator, encodings: tuple[str, ...] = tuple(EN
     needed = message.width * pixel_bytes(message.encoding)
     step = needed + pick(rng, (0, 0, 0, 0, 1, 5, -1, -needed, 2 ** 31))
     message.step = min(max(step, 0), 2 ** 32 - 1)
-    fill(message, message.step * message.height + pick(rng, (0, 0, 0, 0, -1, 1, -40, 999)), rng)
+    layout = ENCODINGS.get(message.encoding)
+    length = int(message.step * message.height * (1 if layout is None else layout.rows))
+    fill(message, length + pick(rng, (0, 0, 0, 0, -1, 1, -40, 999)), rng)
     return message
 
 
@@ -233,6 +235,17 @@ def _constant(messages: Messages, rng: np.random.Generator) -> None:
     message.data.frombytes(bytes([value]) * size)
 
 
+def _sixteen_bits(messages: Messages, rng: np.random.Generator) -> None:
+    """Flood with 16-bit images whose range is another one each time, from none to all."""
+    low, high = sorted(int(value) for value in rng.integers(0, 65536, 2))
+    for name in (LEFT, RIGHT):
+        message = messages[name]
+        message.encoding, message.step = 'mono16', 2 * message.width
+        deep = rng.integers(low, high + 1, (message.height, message.width)).astype('<u2')
+        del message.data[:]
+        message.data.frombytes(deep.tobytes())
+
+
 def _odd_stamp(messages: Messages, rng: np.random.Generator) -> None:
     """Stamp the whole set alike, at a time that no clock shows."""
     sec = pick(rng, (0, -1, -2 ** 31, 2 ** 31 - 1))
@@ -249,4 +262,5 @@ HARMFUL: dict[str, Defect] = {
     'length of P': _projection_length, 'one stamp': _stamp_of_one}
 HARMLESS: dict[str, Defect] = {
     'padding': _padding, 'unused fields': _unused_fields, 'byte order': _byte_order,
-    'noise': _noise, 'constant': _constant, 'odd stamp': _odd_stamp}
+    'noise': _noise, 'constant': _constant, '16 bits': _sixteen_bits,
+    'odd stamp': _odd_stamp}

@@ -39,7 +39,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from stereo_msgs.msg import DisparityImage
-from stereo_refine_ros.node.publishing import (
+from stereo_refine_ros.messages.scene import (
     camera_info_messages, image_message, nominal_geometry, scene_header)
 
 KINDS = {'SIGINT': (signal.SIGINT,), 'SIGINT twice': (signal.SIGINT, signal.SIGINT),

@@ -35,7 +35,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.time import Time
 from sensor_msgs.msg import CameraInfo, Image
-from stereo_refine_ros.node.publishing import (
+from stereo_refine_ros.messages.scene import (
     camera_info_messages, image_message, nominal_geometry, scene_header)
 
 TOPICS = (LEFT, LEFT_INFO, RIGHT_INFO, RIGHT)

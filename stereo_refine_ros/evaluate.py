@@ -12,19 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Command line of the offline evaluation: table, JSON, report; bags and image sequences."""
+"""
+Command line of the offline evaluation: table, JSON, report; bags and image sequences.
+
+Ends with 0, with 1 where something could not be done, and with 3 where all was measured but
+messages that were damaged.
+"""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 import json
 from pathlib import Path
 import shlex
 import sys
 from typing import Any
 
-from stereo_refine_ros.datasets import find_data, list_scenes, load_scene
+from stereo_refine_ros.datasets import find_data, iterate_folder, list_scenes, load_scene
+from stereo_refine_ros.datasets.folder import iterate_globs
 from stereo_refine_ros.evaluation.pictures import frame_sheet, write_picture
 from stereo_refine_ros.evaluation.plot import plot_svg
 from stereo_refine_ros.evaluation.progress import Progress
@@ -32,23 +38,29 @@ from stereo_refine_ros.evaluation.report import Report
 from stereo_refine_ros.evaluation.runner import as_json, evaluate_scene, Plan, Row
 from stereo_refine_ros.evaluation.tables import check_claim, claim_text, text_table
 from stereo_refine_ros.evaluation.video import (
-    average, bag_frames, measure_video, sequence_frames, Show, suggested_disparities, write_csv)
+    average, bag_frames, Frame, FrameRow, measure_video, sequence_frames, Show,
+    suggested_disparities, write_csv)
 from stereo_refine_ros.memory import keep_freed_memory
-from stereo_refine_ros.params import FILTERS, MATCHERS, PRESETS, PROJECTIONS
+from stereo_refine_ros.params import FILTERS, MATCHERS, Params, PRESETS, PROJECTIONS
 from stereo_refine_ros.types import RefinementResult, StereoPair
 import yaml
 
+_DAMAGED = 3  # exit code
+_MOST_NAMED = 5
+
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run `evaluate`; return 0, or 1 after one line that says what is wrong."""
+    """Run `evaluate`; return 0, 3 for messages left out, or 1 after one line of what is wrong."""
     argv = sys.argv[1:] if argv is None else list(argv)
     args = _parser().parse_args(argv)
     keep_freed_memory()
     try:
         plan = Plan(args.preset, dict(args.parameters), args.matching, args.filters,
                     args.projection, args.repeat)
-        if args.bag or args.sequence:
-            evaluate_video(args, plan)
+        if bool(args.left) != bool(args.right):
+            raise ValueError('--left GLOB and --right GLOB go together')
+        if args.bag or args.sequence or args.left:
+            return _DAMAGED if evaluate_video(args, plan) else 0
         else:
             evaluate_scenes(args, plan, shlex.join(argv))
     except (ValueError, FileNotFoundError, ConnectionError, ModuleNotFoundError) as error:
@@ -84,22 +96,55 @@ def evaluate_scenes(args: argparse.Namespace, plan: Plan, arguments: str) -> Non
         print(f'wrote {args.output / "report.html"}')
 
 
-def evaluate_video(args: argparse.Namespace, plan: Plan) -> None:
-    """Run a bag or an image sequence through the core; write CSV and plot, print averages."""
+def evaluate_video(args: argparse.Namespace, plan: Plan) -> int:
+    """
+    Run a bag or an image sequence through the core; write CSV and plot, print averages.
+
+    Returns
+    -------
+    int
+        How many messages were damaged and left out.
+
+    """
     suggested = suggested_disparities(args.sequence) if args.sequence else None
     params = plan.params(plan.combinations()[0], suggested)
-    frames = (sequence_frames(args.sequence) if args.sequence
-              else bag_frames(args.bag, params, args.topics))
+    damaged: list[str] = []
     folder = args.output or Path('evaluate_output')
-    rows = []
-    with Progress() as progress:
-        for row in measure_video(frames, params, _drawing(args.pictures, folder)):
-            rows.append(row)
-            progress.step(f'{row["total_ms"]:.0f} ms')
+    rows: list[FrameRow] = []
+    try:
+        with Progress() as progress:
+            for row in measure_video(_frames(args, params, damaged.append), params,
+                                     _drawing(args.pictures, folder)):
+                rows.append(row)
+                progress.step(f'{row["total_ms"]:.0f} ms')
+    finally:  # what was measured before the file broke off is kept
+        for text in damaged[:_MOST_NAMED]:
+            print(f'evaluate: left out: {text}', file=sys.stderr)
+        if damaged:
+            print(f'evaluate: {len(damaged)} damaged messages left out', file=sys.stderr)
+        if rows:
+            title = f'{_video_name(args)}: {plan.preset}, {plan.combinations()[0]}'
+            _write_video(folder, rows, title)
     if not rows:
-        raise ValueError(f'no stereo pair in {args.bag or args.sequence}')
+        raise ValueError(f'no stereo pair in {_video_name(args)}')
+    return len(damaged)
+
+
+def _frames(args: argparse.Namespace, params: Params, on_damaged: Callable[[str], None]
+            ) -> Iterable[Frame]:
+    if args.bag:
+        return bag_frames(args.bag, params, args.topics, on_damaged)
+    if args.left:
+        return sequence_frames(iterate_globs(args.left, args.right))
+    return sequence_frames(iterate_folder(args.sequence))
+
+
+def _video_name(args: argparse.Namespace) -> str:
+    return (args.bag or args.sequence or Path(args.left)).name
+
+
+def _write_video(folder: Path, rows: list[FrameRow], title: str) -> None:
     write_csv(folder / 'metrics.csv', rows)
-    title = f'{(args.sequence or args.bag).name}: {plan.preset}, {plan.combinations()[0]}'
     (folder / 'metrics.svg').write_text(plot_svg(rows, title), encoding='utf-8')
     for name, value in average(rows).items():
         if name != 'time':
@@ -142,14 +187,19 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--output', type=Path, metavar='DIR',
                         help='write report.html there (metrics.csv, metrics.svg for a video)')
     parser.add_argument('--topics', type=_names, default=(), metavar='LEFT,RIGHT',
-                        help='with --bag: image topics (default: .../left|right/image_rect)')
+                        help='with --bag: image topics, raw or compressed (default: '
+                        '.../left|right/image_rect, image_raw)')
     parser.add_argument('--pictures', type=_count, metavar='N',
                         help='of a video, draw every Nth pair: view, planes, both disparities')
     video = parser.add_mutually_exclusive_group()
     video.add_argument('--bag', type=Path, metavar='PATH',
                        help='measure every pair of a rosbag2 over time instead')
     video.add_argument('--sequence', type=Path, metavar='DIR',
-                       help='measure a folder of pairs over time instead, with temporal noise')
+                       help='measure a folder of pairs over time instead, with temporal noise: '
+                       'left/ and right/, KITTI, EuRoC (raw, rectified by sensor.yaml) ...')
+    video.add_argument('--left', metavar='GLOB',
+                       help='measure the pairs of two patterns, in the order of their names')
+    parser.add_argument('--right', metavar='GLOB', help='the pattern that goes with --left')
     return parser
 
 

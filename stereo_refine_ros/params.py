@@ -21,13 +21,14 @@ the table in the README all come from the dataclasses below. The defaults are th
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
-import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
+from stereo_refine_ros.parameter_files import preset_path, read_section
+from stereo_refine_ros.parameter_spec import (
+    choice, flag, integer, number, ParameterSpec, specs_of)
 
 PRESETS = ('live', 'accurate', 'paper')
 MATCHERS = ('sgbm', 'bm', 'segment_tree', 'non_local', 'scanline', 'external')
@@ -36,37 +37,19 @@ TRANSPORTS = ('raw', 'compressed')
 FILTERS = ('none', 'box', 'weighted_median', 'guided', 'trilateral', 'bilateral', 'median')
 
 
-def _choice(default: str, choices: tuple[str, ...], description: str) -> Any:
-    return field(default=default, metadata={'choices': choices, 'description': description})
-
-
-def _integer(default: int, low: int, high: int, unit: str, description: str) -> Any:
-    meta = {'low': low, 'high': high, 'unit': unit, 'description': description}
-    return field(default=default, metadata=meta)
-
-
-def _number(default: float, low: float, high: float, unit: str, description: str) -> Any:
-    meta = {'low': low, 'high': high, 'unit': unit, 'description': description}
-    return field(default=default, metadata=meta)
-
-
-def _flag(default: bool, description: str) -> Any:
-    return field(default=default, metadata={'description': description})
-
-
 @dataclass(frozen=True)
 class MatchingParams:
     """Steps 1-3: the preliminary disparity."""
 
-    method: str = _choice('scanline', MATCHERS, 'matcher that makes the preliminary disparity')
-    min_disparity: int = _integer(0, -2048, 2048, 'px', 'smallest disparity searched')
-    num_disparities: int = _integer(64, 1, 2048, 'px', 'number of disparities searched')
-    nearest: float = _number(
+    method: str = choice('scanline', MATCHERS, 'matcher that makes the preliminary disparity')
+    min_disparity: int = integer(0, -2048, 2048, 'px', 'smallest disparity searched')
+    num_disparities: int = integer(64, 1, 2048, 'px', 'number of disparities searched')
+    nearest: float = number(
         0.0, 0.0, 1000.0, 'm', 'node: nearest distance wanted, instead of num_disparities, once '
         'camera_info is there; 0: num_disparities')
-    nonlocal_refinement: bool = _flag(
+    nonlocal_refinement: bool = flag(
         True, 'segment_tree, non_local: spread the stable disparities over the tree (Yang 2012)')
-    second_pass: bool = _flag(
+    second_pass: bool = flag(
         False, 'segment_tree, non_local: aggregate again on a tree of colour and disparity (ST-2)')
 
 
@@ -74,11 +57,11 @@ class MatchingParams:
 class SegmentationParams:
     """Step 4a: graph segmentation of the left image (Felzenszwalb & Huttenlocher 2004)."""
 
-    k: float = _number(200.0, 0.0, 1e6, '-', 'scale of observation: larger k, larger segments')
-    sigma: float = _number(0.5, 0.0, 10.0, 'px', 'Gaussian blur before segmentation, 0 for none')
-    min_size: int = _integer(30, 1, 1000000, 'px', 'smaller segments join their best neighbour')
-    diagonal: bool = _flag(False, 'join diagonal neighbours too: 8 instead of 4')
-    adapt: bool = _flag(
+    k: float = number(200.0, 0.0, 1e6, '-', 'scale of observation: larger k, larger segments')
+    sigma: float = number(0.5, 0.0, 10.0, 'px', 'Gaussian blur before segmentation, 0 for none')
+    min_size: int = integer(30, 1, 1000000, 'px', 'smaller segments join their best neighbour')
+    diagonal: bool = flag(False, 'join diagonal neighbours too: 8 instead of 4')
+    adapt: bool = flag(
         True, 'measure changes of colour against the mean change in the image, so that one k '
         'serves grey and colour, dark and bright, haze and contrast; false: in grey levels')
 
@@ -87,29 +70,29 @@ class SegmentationParams:
 class PlaneParams:
     """Step 4b: a RANSAC plane per segment, and its projection into the disparity map."""
 
-    projection: str = _choice(
+    projection: str = choice(
         'guarded', PROJECTIONS,
         'full: every pixel of a fitted segment takes its plane (the paper); '
         'guarded: a pixel moves only where the evidence says so; off: planes change nothing')
-    spread: bool = _flag(
+    spread: bool = flag(
         False, 'scanline: start from disparities that matched pixels spread along like colours, '
         'not from disparities filled from the background')
-    iterations: int = _integer(20, 1, 10000, '-', 'RANSAC hypotheses per segment')
-    inlier_threshold: float = _number(1.0, 0.01, 100.0, 'px', 'largest residual of an inlier')
-    min_inlier_ratio: float = _number(0.5, 0.0, 1.0, 'ratio', 'planes with fewer inliers fail')
-    seed: int = _integer(0, 0, 2147483647, '-', 'seed of the hypotheses')
+    iterations: int = integer(20, 1, 10000, '-', 'RANSAC hypotheses per segment')
+    inlier_threshold: float = number(1.0, 0.01, 100.0, 'px', 'largest residual of an inlier')
+    min_inlier_ratio: float = number(0.5, 0.0, 1.0, 'ratio', 'planes with fewer inliers fail')
+    seed: int = integer(0, 0, 2147483647, '-', 'seed of the hypotheses')
 
 
 @dataclass(frozen=True)
 class FilterParams:
     """Step 4c: the filter after projection."""
 
-    method: str = _choice('median', FILTERS, 'filter of the projected disparity')
-    radius: int = _integer(2, 1, 50, 'px', 'half width of the filter window')
-    eps: float = _number(0.01, 1e-9, 10.0, '-', 'regularisation of the guided filter')
-    sigma_color: float = _number(10.0, 0.1, 1000.0, 'grey levels', 'how alike colours must be')
-    sigma_space: float = _number(5.0, 0.1, 1000.0, 'px', 'spatial reach of the weights')
-    sigma_disparity: float = _number(
+    method: str = choice('median', FILTERS, 'filter of the projected disparity')
+    radius: int = integer(2, 1, 50, 'px', 'half width of the filter window')
+    eps: float = number(0.01, 1e-9, 10.0, '-', 'regularisation of the guided filter')
+    sigma_color: float = number(10.0, 0.1, 1000.0, 'grey levels', 'how alike colours must be')
+    sigma_space: float = number(5.0, 0.1, 1000.0, 'px', 'spatial reach of the weights')
+    sigma_disparity: float = number(
         2.0, 0.01, 1000.0, 'px', 'trilateral, bilateral: how alike disparities must be')
 
 
@@ -117,30 +100,30 @@ class FilterParams:
 class SyncParams:
     """Pairing of left, right and camera_info messages."""
 
-    approximate: bool = _flag(False, 'pair stamps that differ by at most sync.slop')
-    slop: float = _number(0.01, 0.0, 10.0, 's', 'largest stamp difference within a pair')
-    queue_size: int = _integer(10, 1, 1000, '-', 'unmatched messages kept per topic')
+    approximate: bool = flag(False, 'pair stamps that differ by at most sync.slop')
+    slop: float = number(0.01, 0.0, 10.0, 's', 'largest stamp difference within a pair')
+    queue_size: int = integer(10, 1, 1000, '-', 'unmatched messages kept per topic')
 
 
 @dataclass(frozen=True)
 class ProcessingParams:
     """Use of the machine."""
 
-    threads: int = _integer(2, 1, 256, '-', 'threads used by the kernels and by OpenCV')
-    frames_in_flight: int = _integer(
+    threads: int = integer(2, 1, 256, '-', 'threads used by the kernels and by OpenCV')
+    frames_in_flight: int = integer(
         2, 1, 2, '-', 'node: frames refined at a time, at most one a thread; the second begins, '
         'on half the threads, while the first is not done')
-    max_cells: float = _number(
+    max_cells: float = number(
         9.5, 0.001, 1e6, 'million', 'pixels times (disparities + 32); where there are more, rows '
         'are averaged before matching (sgbm, bm: after it) and refinement, and restored last')
-    min_rows: int = _integer(120, 1, 65536, 'px', 'rows that averaging leaves at least')
+    min_rows: int = integer(120, 1, 65536, 'px', 'rows that averaging leaves at least')
 
 
 @dataclass(frozen=True)
 class RectificationParams:
     """What is undone of the camera's faults before matching."""
 
-    correct: bool = _flag(
+    correct: bool = flag(
         True, 'undo the row offset between the views that is found in the images')
 
 
@@ -148,7 +131,7 @@ class RectificationParams:
 class TemporalParams:
     """Use of what was found in the last frame."""
 
-    enabled: bool = _flag(
+    enabled: bool = flag(
         True, 'planes and disparities of the last frame may serve again where the image did not '
         'change; false: the same bits whatever came before')
 
@@ -157,9 +140,9 @@ class TemporalParams:
 class InputsParams:
     """What kind of messages the images come as."""
 
-    image_transport: str = _choice(
+    image_transport: str = choice(
         'raw', TRANSPORTS, 'raw: sensor_msgs/Image; compressed: <topic>/compressed')
-    rectify: bool = _flag(
+    rectify: bool = flag(
         False, 'the images are raw: rectify them by K, D, R and P of camera_info')
 
 
@@ -167,9 +150,9 @@ class InputsParams:
 class CameraParams:
     """Calibration for cameras whose camera_info has none."""
 
-    baseline: float = _number(
+    baseline: float = number(
         0.0, 0.0, 100.0, 'm', 'distance of the cameras instead of that of camera_info; 0: theirs')
-    focal_length: float = _number(
+    focal_length: float = number(
         0.0, 0.0, 100000.0, 'px', 'focal length instead of that of camera_info; 0: theirs')
 
 
@@ -177,10 +160,10 @@ class CameraParams:
 class OutputParams:
     """What is published of a frame."""
 
-    min_confidence: float = _number(
+    min_confidence: float = number(
         0.5, 0.0, 1.0, 'probability', 'disparity, depth and points: pixels less sure than this '
         'are invalid; 0 publishes the dense map')
-    max_depth: float = _number(
+    max_depth: float = number(
         0.0, 0.0, 100000.0, 'm', 'points: farther ones are left out; 0: none are')
 
 
@@ -192,7 +175,7 @@ class Params:
     Build it with `load_preset`, change it with `updated`; both check every value.
     """
 
-    preset: str = _choice('live', PRESETS, 'named set of values that the others start from')
+    preset: str = choice('live', PRESETS, 'named set of values that the others start from')
     matching: MatchingParams = field(default_factory=MatchingParams)
     segmentation: SegmentationParams = field(default_factory=SegmentationParams)
     planes: PlaneParams = field(default_factory=PlaneParams)
@@ -227,46 +210,7 @@ class Params:
         return _with_values(self, checked)
 
 
-@dataclass(frozen=True)
-class ParameterSpec:
-    """The definition of one parameter, as the ROS descriptors and the README need it."""
-
-    name: str
-    type: type
-    default: Any
-    description: str
-    unit: str = ''
-    low: float | None = None
-    high: float | None = None
-    choices: tuple[str, ...] = ()
-
-    def check(self, value: Any) -> Any:
-        """Return `value` as the parameter's type; raise ValueError saying what is allowed."""
-        if self.type is float and type(value) is int:
-            value = float(value)
-        given = type(value)
-        if given is not self.type:
-            raise ValueError(
-                f'{self.name}: expected {self.type.__name__}, got {given.__name__} {value!r}')
-        if self.choices and value not in self.choices:
-            raise ValueError(f'{self.name}: {value!r} is none of {", ".join(self.choices)}')
-        if self.low is not None and self.high is not None:
-            if not math.isfinite(value) or not self.low <= value <= self.high:
-                raise ValueError(
-                    f'{self.name}: {value} is outside {self.low} to {self.high}')
-        return value
-
-
-def _specs(node: Any, prefix: str = '') -> Iterator[ParameterSpec]:
-    for item in fields(node):
-        value = getattr(node, item.name)
-        if is_dataclass(value):
-            yield from _specs(value, f'{prefix}{item.name}.')
-        else:
-            yield ParameterSpec(prefix + item.name, type(value), value, **item.metadata)
-
-
-SPECS: tuple[ParameterSpec, ...] = tuple(_specs(Params()))
+SPECS: tuple[ParameterSpec, ...] = tuple(specs_of(Params()))
 SPEC_BY_NAME: dict[str, ParameterSpec] = {spec.name: spec for spec in SPECS}
 
 
@@ -304,31 +248,7 @@ def load_preset(name: str, overrides: Mapping[str, Any] | None = None) -> Params
 
 def read_preset_file(path: Path) -> dict[str, Any]:
     """Read the dotted parameters of a ROS parameter file (its `/**` section)."""
-    document = yaml.safe_load(path.read_text(encoding='utf-8'))
-    flat: dict[str, Any] = {}
-    _flatten(document['/**']['ros__parameters'], '', flat)
-    return check_values(flat)
-
-
-def preset_path(name: str) -> Path:
-    """Find `config/<name>.yaml` in the checkout, else in the installed share folder."""
-    here = Path(__file__).resolve()
-    candidates = [here.parents[1] / 'config' / f'{name}.yaml']
-    candidates += [
-        parent / 'share' / 'stereo_refine_ros' / 'config' / f'{name}.yaml'
-        for parent in here.parents]
-    for path in candidates:
-        if path.is_file():
-            return path
-    raise FileNotFoundError(f'preset {name!r}: no {name}.yaml beside the package or in share/')
-
-
-def _flatten(tree: Mapping[str, Any], prefix: str, out: dict[str, Any]) -> None:
-    for key, value in tree.items():
-        if isinstance(value, Mapping):
-            _flatten(value, f'{prefix}{key}.', out)
-        else:
-            out[prefix + key] = value
+    return check_values(read_section(path))
 
 
 def _lookup(params: Any, name: str) -> Any:

@@ -31,7 +31,7 @@ from stereo_refine_ros.matching.scanline import gather_evidence
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.refinement.filling import fill_from_background
 from stereo_refine_ros.refinement.filters import apply_filter
-from stereo_refine_ros.refinement.plane_stage import apply_planes, put_on_planes
+from stereo_refine_ros.refinement.plane_stage import unfitted, apply_planes, put_on_planes
 from stereo_refine_ros.refinement.row_binning import (
     bin_disparities, bin_rows, keep_agreeing, repeat_rows, restore_rows, rows_per_bin)
 from stereo_refine_ros.refinement.trust import find_overruled, follows_edges, take_back
@@ -114,6 +114,29 @@ class StereoRefiner:
             self._map(refined), self._map(before), segments, found.lr_consistent_ratio,
             stage_ms, (time.perf_counter() - begin) * 1e3,
             np.where(np.isfinite(before), np.float32(0.9), np.float32(0.3)), PairHealth())
+
+    def preliminary_only(self, left: Image, right: Image | None,
+                         preliminary: FloatMap | None = None, threads: int | None = None
+                         ) -> RefinementResult:
+        """
+        Return the preliminary disparity unrefined: what is left where refining fails.
+
+        Parameters and errors are those of `process`. The map may have holes; what is valid has
+        confidence 1, and the image is one unfitted segment.
+        """
+        begin = time.perf_counter()
+        pair = StereoPair(left, right)
+        stage_ms = dict.fromkeys(('matching', 'segmentation', 'planes', 'filter'), 0.0)
+        with _timed(stage_ms, 'matching'):
+            if preliminary is None:
+                found = compute_match(
+                    pair, self.params.matching, threads or self.params.processing.threads
+                ).disparity
+            else:
+                found = self._map(_checked(preliminary, pair.shape))
+        return RefinementResult(
+            found, found, unfitted(np.zeros(pair.shape, np.int32), 1), float('nan'), stage_ms,
+            (time.perf_counter() - begin) * 1e3, found.valid.astype(np.float32), PairHealth())
 
     def _segment(self, image: Image, stage_ms: dict[str, float]) -> SegmentGraph:
         with _timed(stage_ms, 'segmentation'):

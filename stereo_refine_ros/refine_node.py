@@ -71,6 +71,7 @@ def main(args: list[str] | None = None) -> int:
     from rclpy.signals import SignalHandlerOptions
 
     from stereo_refine_ros.memory import keep_freed_memory
+    from stereo_refine_ros.node.parameters import BadParameters
     from stereo_refine_ros.node.refine_node import RefineNode
     from stereo_refine_ros.shared_memory import fit_to_host
     if not stop.may_open():
@@ -80,7 +81,10 @@ def main(args: list[str] | None = None) -> int:
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = RefineNode()
-    except Exception as error:  # parameters or QoS overrides that cannot be used
+    except BadParameters:  # the node has said why, under its own name
+        rclpy.try_shutdown()
+        return 1
+    except Exception as error:  # for example QoS overrides that cannot be used
         rclpy.logging.get_logger('refine_node').fatal(f'{type(error).__name__}: {error}')
         rclpy.try_shutdown()
         return 1

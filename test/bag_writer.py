@@ -44,6 +44,20 @@ def image(stamp_ns, pixels, encoding=None):
         pixels.nbytes // pixels.shape[0], pixels.reshape(-1).view(np.uint8))
 
 
+def compressed(stamp_ns, data, kind):
+    return STORE.types['sensor_msgs/msg/CompressedImage'](
+        header(stamp_ns), kind, np.frombuffer(bytes(data), np.uint8))
+
+
+def raw_camera_info(stamp_ns, model):
+    """The message of a `CameraModel`."""
+    region = STORE.types['sensor_msgs/msg/RegionOfInterest'](0, 0, 0, 0, False)
+    return STORE.types['sensor_msgs/msg/CameraInfo'](
+        header(stamp_ns), model.height, model.width, model.distortion_model,
+        *(np.array(values, np.float64) for values in (model.d, model.k, model.r, model.p)),
+        0, 0, region)
+
+
 def camera_info(stamp_ns, geometry: StereoGeometry, is_right, height, width):
     f, cx = geometry.focal_px, geometry.cx_right if is_right else geometry.cx_left
     shift = -f * geometry.baseline_m if is_right else 0.0
@@ -54,8 +68,12 @@ def camera_info(stamp_ns, geometry: StereoGeometry, is_right, height, width):
         np.array([f, 0, cx, shift, 0, f, geometry.cy, 0, 0, 0, 1, 0.0]), 0, 0, region)
 
 
-def write_messages(path: Path, storage, messages):
-    """Write (topic, recorded ns, message) triples; return the raw bytes of each topic."""
+def write_messages(path: Path, storage, messages, damaged=()):
+    """
+    Write (topic, recorded ns, message) triples; return the raw bytes of each topic.
+
+    Of messages recorded at `damaged` only the first bytes are written.
+    """
     raw_of = {}
     with Writer(path, version=9, storage_plugin=STORAGES[storage]) as writer:
         connection_of = {}
@@ -64,6 +82,7 @@ def write_messages(path: Path, storage, messages):
             if topic not in connection_of:
                 connection_of[topic] = writer.add_connection(topic, kind, typestore=STORE)
             raw = bytes(STORE.serialize_cdr(message, kind))
+            raw = raw if stamp_ns not in damaged else raw[:40]
             writer.write(connection_of[topic], stamp_ns, raw)
             raw_of.setdefault(topic, []).append(raw)
     return raw_of

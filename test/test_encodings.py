@@ -53,7 +53,7 @@ def test_grey_is_taken_as_it_is(bgr, encoding, padding):
 @pytest.mark.parametrize('padding', PADDINGS)
 @pytest.mark.parametrize('encoding,order', [
     ('bgr8', [0, 1, 2]), ('8UC3', [0, 1, 2]), ('rgb8', [2, 1, 0]),
-    ('bgra8', [0, 1, 2, 1]), ('rgba8', [2, 1, 0, 1])])
+    ('bgra8', [0, 1, 2, 1]), ('8UC4', [0, 1, 2, 1]), ('rgba8', [2, 1, 0, 1])])
 def test_colors_become_bgr(bgr, encoding, order, padding):
     rows = np.ascontiguousarray(bgr[..., order]).reshape(6, -1)
     decoded = decode_image('left', message_of(rows, 8, encoding, padding))
@@ -64,12 +64,26 @@ def test_colors_become_bgr(bgr, encoding, order, padding):
 @pytest.mark.parametrize('padding', PADDINGS)
 @pytest.mark.parametrize('is_bigendian', [0, 1])
 @pytest.mark.parametrize('encoding', ['mono16', '16UC1'])
-def test_sixteen_bits_scale_to_eight(encoding, is_bigendian, padding):
+def test_sixteen_bits_stay_sixteen(encoding, is_bigendian, padding):
     values = np.array([[0, 128, 129, 257], [300, 32768, 65406, 65535]])
     rows = values.astype('>u2' if is_bigendian else '<u2').view(np.uint8)
     decoded = decode_image('left', message_of(rows, 4, encoding, padding, is_bigendian))
-    np.testing.assert_array_equal(decoded, np.rint(values * 255 / 65535))
-    assert decoded.dtype == np.uint8
+    np.testing.assert_array_equal(decoded, values)
+    assert decoded.dtype == np.uint16 and decoded.dtype.isnative
+
+
+@pytest.mark.parametrize('padding', PADDINGS)
+@pytest.mark.parametrize('is_bigendian', [0, 1])
+@pytest.mark.parametrize('encoding,order', [
+    ('bgr16', [0, 1, 2]), ('16UC3', [0, 1, 2]), ('rgb16', [2, 1, 0]),
+    ('bgra16', [0, 1, 2, 1]), ('16UC4', [0, 1, 2, 1]), ('rgba16', [2, 1, 0, 1])])
+def test_colors_of_sixteen_bits_become_bgr(bgr, encoding, order, is_bigendian, padding):
+    deep = bgr.astype(np.uint16) * 200 + 7
+    rows = np.ascontiguousarray(deep[..., order]).astype('>u2' if is_bigendian else '<u2')
+    decoded = decode_image('left', message_of(
+        rows.reshape(6, -1).view(np.uint8), 8, encoding, padding, is_bigendian))
+    np.testing.assert_array_equal(decoded, deep)
+    assert decoded.dtype == np.uint16 and decoded.dtype.isnative
 
 
 @pytest.mark.parametrize('encoding,order', [
@@ -83,15 +97,64 @@ def test_yuv_of_one_color(encoding, order):
     assert np.abs(decoded.astype(int) - RED_BGR).max() <= 3
 
 
-@pytest.mark.parametrize('encoding', ['bayer_rggb8', 'bayer_bggr8', 'bayer_gbrg8',
-                                      'bayer_grbg8'])
-def test_bayer_of_one_color(encoding):
-    pattern = encoding.removeprefix('bayer_').removesuffix('8')
-    cell = np.array([200 if c == 'r' else 100 if c == 'g' else 50 for c in pattern], np.uint8)
-    rows = np.tile(cell.reshape(2, 2), (4, 4))
-    decoded = decode_image('left', message_of(rows, 8, encoding))
-    assert decoded.shape == (8, 8, 3)
-    np.testing.assert_array_equal(decoded[2:-2, 2:-2], np.broadcast_to([50, 100, 200], (4, 4, 3)))
+def _planes(encoding, left, right):
+    """Build rows of 4:2:0 or 4:4:4 video with one colour left and another right, 8 x 4 pixels."""
+    luma = np.repeat([[left[0], right[0]]], 4, axis=0).repeat(4, axis=1)
+    order = [2, 1] if encoding == 'nv21' else [1, 2]
+    pairs = [[color[order[0]], color[order[1]]] for color in (left, right)]
+    if encoding == 'nv24':
+        chroma = np.tile(np.repeat(pairs, 4, axis=0).reshape(1, 16), (4, 1)).reshape(8, 8)
+    else:
+        chroma = np.tile(np.repeat(pairs, 2, axis=0).reshape(1, 8), (2, 1))
+    return np.vstack([luma, chroma]).astype(np.uint8)
+
+
+@pytest.mark.parametrize('padding', PADDINGS)
+@pytest.mark.parametrize('encoding', ['nv12', 'nv21', 'nv24'])
+def test_planes_of_video(encoding, padding):
+    # Red and blue in studio range: Y, U, V of BT.601.
+    rows = _planes(encoding, (81, 90, 240), (41, 240, 110))
+    message = message_of(rows, 8, encoding, padding)
+    message.height = 4
+    decoded = decode_image('left', message)
+    assert decoded.shape == (4, 8, 3) and decoded.dtype == np.uint8
+    assert np.abs(decoded[:, :4].astype(int) - RED_BGR).max() <= 3
+    assert np.abs(decoded[:, 4:].astype(int) - (255, 0, 0)).max() <= 3
+
+
+def test_grey_of_all_planes_is_the_same():
+    grey = []
+    for encoding in ('nv12', 'nv21', 'nv24'):
+        rows = _planes(encoding, (16, 128, 128), (235, 128, 128))
+        rows[:4, :4] += np.arange(16, dtype=np.uint8).reshape(4, 4) * 10
+        message = message_of(rows, 8, encoding)
+        message.height = 4
+        grey.append(decode_image('left', message).astype(int))
+    assert np.ptp(grey, axis=0).max() <= 1
+    assert (grey[0][:, 4:] >= 254).all() and grey[0][0, 0].max() == 0
+
+
+@pytest.mark.parametrize('encoding, step', [('nv12', 12), ('nv21', 16), ('nv24', 24)])
+def test_planes_end_to_end_under_a_step_that_counts_them_all(encoding, step):
+    message = message_of(_planes(encoding, (81, 90, 240), (41, 240, 110)), 8, encoding)
+    expected = message_of(_planes(encoding, (81, 90, 240), (41, 240, 110)), 8, encoding)
+    message.height = expected.height = 4
+    message.step = step
+    np.testing.assert_array_equal(decode_image('l', message), decode_image('l', expected))
+
+
+@pytest.mark.parametrize('is_bigendian', [0, 1])
+@pytest.mark.parametrize('bits', [8, 16])
+@pytest.mark.parametrize('pattern', ['rggb', 'bggr', 'gbrg', 'grbg'])
+def test_bayer_of_one_color(pattern, bits, is_bigendian):
+    factor, kind = (1, 'u1') if bits == 8 else (250, '>u2' if is_bigendian else '<u2')
+    cell = np.array([200 if c == 'r' else 100 if c == 'g' else 50 for c in pattern]) * factor
+    rows = np.tile(cell.reshape(2, 2), (4, 4)).astype(kind).view(np.uint8)
+    decoded = decode_image(
+        'left', message_of(rows, 8, f'bayer_{pattern}{bits}', is_bigendian=is_bigendian))
+    assert decoded.shape == (8, 8, 3) and decoded.dtype == f'u{bits // 8}'
+    expected = np.broadcast_to(np.array([50, 100, 200]) * factor, (4, 4, 3))
+    np.testing.assert_array_equal(decoded[2:-2, 2:-2], expected)
 
 
 @pytest.mark.parametrize('change,reason', [
@@ -102,6 +165,9 @@ def test_bayer_of_one_color(encoding):
     ({'width': 2 ** 32 - 1, 'step': 2 ** 32 - 1}, 'too_large'),
     ({'height': 2 ** 32 - 1}, 'too_large'), ({'width': 8193, 'height': 4096}, 'too_large'),
     ({'width': MAX_SIDE + 1}, 'too_large'),
+    ({'encoding': 'nv12'}, 'data_size'), ({'encoding': 'nv24', 'height': 3}, 'data_size'),
+    ({'encoding': 'nv21', 'height': 5}, 'data_size'), ({'encoding': 'bgr16'}, 'step'),
+    ({'encoding': 'nv21', 'height': 4, 'width': 7}, 'encoding'),
     ({'encoding': 'bgr8'}, 'step'), ({'width': 3, 'encoding': 'yuv422'}, 'encoding'),
     ({'width': 2, 'encoding': 'bayer_rggb8'}, 'encoding')])
 def test_refusals(bgr, change, reason):
@@ -123,7 +189,7 @@ def test_refusals(bgr, change, reason):
 def test_any_fields_give_pixels_or_a_reason(height, width, step, size, encoding, is_bigendian,
                                             fits):
     if fits and height * step < 1000:
-        size = height * step
+        size = int(height * step * (ENCODINGS[encoding].rows if encoding in ENCODINGS else 1))
     message = Image(height=height, width=width, step=step, encoding=encoding,
                     is_bigendian=is_bigendian)
     message.data.frombytes(bytes(size))
@@ -134,7 +200,7 @@ def test_any_fields_give_pixels_or_a_reason(height, width, step, size, encoding,
             'encoding', 'zero_size', 'too_large', 'step', 'data_size'}
     else:
         assert decoded.shape[:2] == (height, width)
-        assert decoded.dtype == np.uint8
+        assert decoded.dtype == f'u{ENCODINGS[encoding].item_bytes}'
 
 
 def test_conversions_agree_with_opencv(bgr):

@@ -17,18 +17,19 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from stereo_refine_ros.datasets.download import can_download, download_scene
+from stereo_refine_ros.datasets.images import read_levels, read_pair
 from stereo_refine_ros.datasets.locate import cache_dir, find_data
 from stereo_refine_ros.datasets.scene import Mask, Scene, visible_in_both
-from stereo_refine_ros.types import FloatMap, Image, StereoGeometry, StereoPair
-
-_MASK_INSIDE = 255
+from stereo_refine_ros.grey_range import SteadyRange
+from stereo_refine_ros.types import FloatMap, StereoGeometry
 
 
 def list_scenes(data: str | Path | None = None) -> list[str]:
@@ -70,15 +71,24 @@ def load_scene(name: str, data: str | Path | None = None) -> Scene:
 
 
 def read_scene(folder: Path) -> Scene:
-    """Read the scene in `folder`: left and right view, truth, masks, `meta.json`."""
-    meta = json.loads((folder / 'meta.json').read_text(encoding='utf-8'))
-    pair = StereoPair(_read_color(folder / 'left.png'), _read_color(folder / 'right.png'))
-    truth = _read_truth(folder, 'disp_left', meta)
-    truth_right = _read_truth(folder, 'disp_right', meta)
+    """
+    Read the scene in `folder`: left and right view, truth, masks, `meta.json`.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        When a file is missing or does not fit the others.
+
+    """
+    meta = _read_meta(folder / 'meta.json')
+    pair = read_pair(folder / 'left.png', folder / 'right.png', SteadyRange())
+    truth, scale = _read_truth(folder, 'disp_left', meta, pair.shape)
+    truth_right, _ = _read_truth(folder, 'disp_right', meta, pair.shape)
     return Scene(
-        name=folder.name, pair=pair, truth=truth, scale=int(meta['disp_scale']),
-        num_disparities=int(meta['ndisp']), masks=_read_masks(folder, truth, truth_right),
-        geometry=_geometry(meta), truth_right=truth_right)
+        name=folder.name, pair=pair, truth=truth, scale=scale,
+        num_disparities=None if meta.get('ndisp') is None else int(meta['ndisp']),
+        masks=_read_masks(folder, truth, truth_right), geometry=_geometry(meta),
+        truth_right=truth_right)
 
 
 def read_pfm(path: Path) -> FloatMap:
@@ -112,34 +122,46 @@ def _match_name(name: str, root: Path) -> Path | None:
                  if path.parent.name.casefold() == wanted), None)
 
 
-def _read_color(path: Path) -> Image:
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise FileNotFoundError(f'{path}: no readable image')
-    return np.asarray(image, np.uint8)
+def _read_meta(path: Path) -> dict[str, Any]:
+    try:
+        return dict(json.loads(path.read_text(encoding='utf-8')))
+    except ValueError as error:
+        raise ValueError(f'{path}: {error}') from error
 
 
-def _read_grey(path: Path) -> Image | None:
-    """Read the raw levels of a map; some are stored as three equal channels."""
-    if not path.is_file():
-        return None
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise ValueError(f'{path}: no readable image')
-    return np.asarray(image[..., 0] if image.ndim == 3 else image, np.uint8)
-
-
-def _read_truth(folder: Path, stem: str, meta: dict[str, Any]) -> FloatMap | None:
-    pfm = folder / f'{stem}.pfm'
-    if pfm.is_file():
-        return read_pfm(pfm) / np.float32(meta['disp_scale'])
-    levels = _read_grey(folder / f'{stem}.png')
+def _read_truth(folder: Path, stem: str, meta: dict[str, Any], shape: tuple[int, int]
+                ) -> tuple[FloatMap | None, float]:
+    """Return the truth in pixels and, where it is stored in 8 bits, its levels per pixel."""
+    pfm, png = folder / f'{stem}.pfm', folder / f'{stem}.png'
+    levels: NDArray[Any] | None = read_pfm(pfm) if pfm.is_file() else read_levels(png)
     if levels is None:
-        return None
-    truth = levels.astype(np.float32) / np.float32(meta['disp_scale'])
-    if meta['invalid_value'] is not None:
-        truth[levels == meta['invalid_value']] = np.nan
-    return truth
+        return None, 1.0
+    path = pfm if pfm.is_file() else png
+    if levels.shape != shape:
+        raise ValueError(f'{path}: shape {levels.shape}, the left view has {shape}')
+    truth = _decode(path, levels, meta)
+    return truth, float(meta['disp_scale']) if levels.dtype == np.uint8 else 1.0
+
+
+def _decode(path: Path, levels: NDArray[Any], meta: dict[str, Any]) -> FloatMap:
+    """Turn raw levels into pixels of disparity; what `meta.json` calls invalid becomes NaN."""
+    scale = meta.get('disp_scale')
+    if not isinstance(scale, (int, float)) or not 0 < scale < math.inf:
+        raise ValueError(f'{path}: disp_scale in meta.json is {scale}; expected the levels per '
+                         'pixel of disparity')
+    invalid = meta.get('invalid_value')
+    known = np.isfinite(levels)
+    for mark in invalid if isinstance(invalid, list) else [invalid]:
+        if mark is not None:
+            known &= levels != float(mark)
+    values = np.where(known, levels / float(scale), np.nan).astype(np.float32)
+    largest = float(np.max(values, where=known, initial=0.0))
+    if not known.any() or largest >= levels.shape[1]:
+        raise ValueError(
+            f'{path}: {np.count_nonzero(known)} known pixels, the largest disparity '
+            f'{largest:g} px in a view {levels.shape[1]} px wide; do disp_scale and '
+            'invalid_value in meta.json fit the file?')
+    return values
 
 
 def _read_masks(folder: Path, truth: FloatMap | None,
@@ -148,9 +170,9 @@ def _read_masks(folder: Path, truth: FloatMap | None,
     for region, stems in (('nonocc', ('mask_nonocc', 'mask_nonocc_derived')),
                           ('all', ('mask_all',)), ('disc', ('mask_disc',))):
         for stem in stems:
-            levels = _read_grey(folder / f'{stem}.png')
+            levels = read_levels(folder / f'{stem}.png')
             if levels is not None and region not in masks:
-                masks[region] = levels == _MASK_INSIDE
+                masks[region] = levels == np.iinfo(levels.dtype).max
     if truth is not None:
         masks.setdefault('all', np.isfinite(truth))
         if truth_right is not None and 'nonocc' not in masks:

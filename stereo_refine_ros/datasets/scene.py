@@ -39,8 +39,9 @@ class Scene:
         Left and right view, uint8 (H, W, 3) BGR or (H, W).
     truth : float32 ndarray of shape (H, W), or None
         Disparity of the left view in pixels, NaN where unknown.
-    scale : int
-        Grey levels per pixel of disparity in the data set's own 8-bit maps.
+    scale : float
+        Grey levels per pixel of disparity in the data set's own 8-bit maps; 1 where its maps
+        are not of 8 bits.
     num_disparities : int or None
         Size of the search range [0, num_disparities) that the data set names.
     masks : mapping of str to bool ndarray of shape (H, W)
@@ -54,7 +55,7 @@ class Scene:
     name: str
     pair: StereoPair
     truth: FloatMap | None = None
-    scale: int = 1
+    scale: float = 1.0
     num_disparities: int | None = None
     masks: Mapping[str, Mask] = field(default_factory=dict)
     geometry: StereoGeometry | None = None

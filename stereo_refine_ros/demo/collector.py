@@ -26,7 +26,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import Image
 from stereo_msgs.msg import DisparityImage
 
-from stereo_refine_ros.node.disparity_messages import read_disparity
+from stereo_refine_ros.messages.disparity import read_disparity
 from stereo_refine_ros.types import FloatMap, LabelMap
 
 _KIND_OF: dict[str, Any] = {

@@ -19,15 +19,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 import os
 from pathlib import Path
-import shutil
 import signal
 import subprocess
 import sys
 from types import TracebackType
 
-PROFILE = 'fastdds_shm.xml'
-# Three participants, 32 MB each, and some room.
-_SHARED_MEMORY_BYTES = 128 << 20
+from stereo_refine_ros.dds_profile import profile_variables
+
 _END_S = 8.0
 _TAIL_LINES = 15
 
@@ -45,17 +43,7 @@ def dds_environment(config: Path) -> dict[str, str]:
     """
     variables = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
                  'ROS_DOMAIN_ID': str(50 + os.getpid() % 50)}
-    profile = config / PROFILE
-    if profile.is_file() and _has_shared_memory():
-        variables['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(profile)
-        variables['FASTDDS_DEFAULT_PROFILES_FILE'] = str(profile)
-    return variables
-
-
-def _has_shared_memory() -> bool:
-    """Say whether the profile's segments fit; containers often have only 64 MB."""
-    memory = Path('/dev/shm')
-    return memory.is_dir() and shutil.disk_usage(memory).free > _SHARED_MEMORY_BYTES
+    return {**profile_variables(config, {}), **variables}
 
 
 class Processes:

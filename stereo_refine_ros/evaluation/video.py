@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stereo_refine_ros.datasets import iterate_folder
+from stereo_refine_ros.datasets import Scene
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.frame import measure_frame
@@ -79,38 +79,43 @@ def measure_video(frames: Iterable[Frame], params: Params,
         previous = frame.pair, result
 
 
-def bag_frames(path: Path, params: Params, topics: Sequence[str] = ()) -> Iterator[Frame]:
+def bag_frames(path: Path, params: Params, topics: Sequence[str] = (),
+               on_damaged: Callable[[str], None] = lambda text: None) -> Iterator[Frame]:
     """
-    Yield the pairs of a bag, paired as the `sync` parameters say; needs `rosbags`.
+    Yield the pairs of a bag, paired and rectified as the parameters say; needs `rosbags`.
 
     Parameters
     ----------
     path : Path
         The bag.
     params : Params
-        For `sync`.
+        For `sync` and `inputs.rectify`.
     topics : sequence of str
         Of the left and the right images; what ends in `left|right/image_rect` by default.
+    on_damaged : callable of str
+        Told of every message that cannot be used and is left out.
 
     """
     if len(topics) not in (0, 2):
         raise ValueError(f'bag: expected the topics of left and right, got {", ".join(topics)}')
     try:  # only bags need it
-        from stereo_refine_ros.datasets.rosbag import IMAGE_TOPICS, iterate_pairs
+        from stereo_refine_ros.datasets.rosbag import BagOptions, iterate_pairs
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(f'bag: {error}; pip install rosbags') from error
 
-    slop = params.sync.slop if params.sync.approximate else 0.0
+    left, right = topics or ('', '')
+    options = BagOptions(
+        left, right, slop_s=params.sync.slop if params.sync.approximate else 0.0,
+        queue_size=params.sync.queue_size, rectify=params.inputs.rectify)
     start: int | None = None
-    left, right = topics or IMAGE_TOPICS
-    for item in iterate_pairs(path, left, right, slop, params.sync.queue_size):
+    for item in iterate_pairs(path, options, on_damaged):
         start = item.stamp_ns if start is None else start
         yield Frame((item.stamp_ns - start) * 1e-9, item.pair)
 
 
-def sequence_frames(folder: Path) -> Iterator[Frame]:
-    """Yield the pairs of a folder in the order of their names."""
-    for number, scene in enumerate(iterate_folder(folder)):
+def sequence_frames(scenes: Iterable[Scene]) -> Iterator[Frame]:
+    """Yield the pairs of a folder, or of two patterns, in their order."""
+    for number, scene in enumerate(scenes):
         yield Frame(float(number), scene.pair)
 
 

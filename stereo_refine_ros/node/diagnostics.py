@@ -21,9 +21,9 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from stereo_refine_ros.node.ledger import Counts
-from stereo_refine_ros.node.metrics_message import decimal
-from stereo_refine_ros.node.pairing import Pairing
+from stereo_refine_ros.health_advice import Advice, Level
+from stereo_refine_ros.messages.metrics import decimal
+from stereo_refine_ros.node.counters import Counts
 
 ADVICE = {
     'encoding': 'publish one of the encodings in the README, or convert with image_proc',
@@ -34,11 +34,25 @@ ADVICE = {
     'size_differs': 'set both cameras to one resolution',
     'camera_info_size': 'calibrate for this resolution, or set roi and binning in camera_info',
     'focal_length': 'calibrate the cameras and publish the rectified projection matrix P',
+    'distortion': 'publish K, D, R and P of a stereo calibration, or set inputs.rectify to false',
+    'delta_d': 'publish 32FC1 in pixels, or set delta_d (1/16 for OpenCV)',
+    'aspect_ratio': 'publish the disparity of the whole image, at any scale',
     'baseline': 'check that left and right are not swapped and that P[3] is set on the right',
     'processing': 'see the log for the error; report it with the parameters in use',
 }
 LOW_VALID_RATIO = 0.3
 SLOW_SHARE = 0.1
+
+
+@dataclass(frozen=True)
+class FrameSummary:
+    """What /diagnostics needs of the last frame."""
+
+    frame_id: str = ''
+    latency_ms: float = float('nan')
+    valid_ratio: float = float('nan')
+    advice: tuple[Advice, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -54,12 +68,20 @@ class Health:
         Counters now and a period ago.
     silent : tuple of str
         Required topics that deliver nothing.
+    silent_why : tuple of str
+        What the ROS graph says of them.
+    feedback : tuple of str
+        Outputs that come back as inputs.
     incompatible : tuple of str
         Topics offered with a QoS that does not fit.
     unmatched, unmatched_before : int
-    lag : str
-        Which topic lags, in words.
+    unmatched_why : str
+        Why pairs are not complete, and what to do.
     fps, latency_ms, valid_ratio : float
+    advice : tuple of Advice
+        What the images say of the cameras.
+    notes : tuple of str
+        What is doubtful about the calibration.
 
     """
 
@@ -68,13 +90,17 @@ class Health:
     now: Counts = field(default_factory=Counts)
     before: Counts = field(default_factory=Counts)
     silent: tuple[str, ...] = ()
+    silent_why: tuple[str, ...] = ()
+    feedback: tuple[str, ...] = ()
     incompatible: tuple[str, ...] = ()
     unmatched: int = 0
     unmatched_before: int = 0
-    lag: str = ''
+    unmatched_why: str = ''
     fps: float = 0.0
     latency_ms: float = float('nan')
     valid_ratio: float = float('nan')
+    advice: tuple[Advice, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def assess(health: Health) -> tuple[bytes, str]:
@@ -90,6 +116,18 @@ def assess(health: Health) -> tuple[bytes, str]:
     if not health.listening:
         return DiagnosticStatus.OK, 'idle: nobody subscribes to an output'
     return DiagnosticStatus.OK, f'refining at {health.fps:.1f} frames a second'
+
+
+def frame_status(is_degraded: bool, advice: tuple[Advice, ...]) -> tuple[bytes, str]:
+    """Choose the level and the text of one frame's metrics."""
+    texts = [item.text for item in advice]
+    if is_degraded:
+        texts.insert(0, 'refinement failed: disparity is the preliminary one')
+    if is_degraded or any(item.level == Level.ERROR for item in advice):
+        return DiagnosticStatus.ERROR, '; '.join(texts)
+    if advice:
+        return DiagnosticStatus.WARN, '; '.join(texts)
+    return DiagnosticStatus.OK, 'refined'
 
 
 def diagnostic_status(name: str, hardware_id: str, health: Health) -> DiagnosticStatus:
@@ -117,40 +155,31 @@ def diagnostic_array(stamp: object, status: DiagnosticStatus) -> DiagnosticArray
     return message
 
 
-def describe_lag(pairing: Pairing) -> str:
-    """Say which required topic is behind the others, or that stamps come close but differ."""
-    stamps = {name: pairing.topics[name].last_stamp_ns for name in pairing.required}
-    missing = [name for name, stamp in stamps.items() if stamp is None]
-    if missing:
-        return f'{", ".join(missing)} never came'
-    known = {name: stamp for name, stamp in stamps.items() if stamp is not None}
-    last = min(known, key=lambda name: known[name])
-    lag_ms = (max(known.values()) - known[last]) / 1e6
-    return f'{last} lags by {lag_ms:.1f} ms' if lag_ms > 0 else 'all topics are level now'
-
-
 def _errors(health: Health) -> Iterable[str]:
     if health.now.failures > health.before.failures:
         failed = health.now.failures - health.before.failures
         yield f'refinement failed {failed} times in the last second: {ADVICE["processing"]}'
     if health.now.degraded > health.before.degraded:
         yield 'publishing the preliminary disparity instead'
+    yield from (item.text for item in health.advice if item.level == Level.ERROR)
     if health.silent:
-        yield (f'no input on {", ".join(health.silent)}: check that it is published, its '
-               'name or remapping, and its QoS')
+        yield f'no input on {", ".join(health.silent)}: {"; ".join(health.silent_why)}'
+    yield from health.feedback
     if health.incompatible:
         yield (f'incompatible QoS on {", ".join(health.incompatible)}: set qos_overrides or '
                'change the publisher')
 
 
 def _warnings(health: Health) -> Iterable[str]:
+    yield from (item.text for item in health.advice if item.level == Level.WARN)
+    yield from health.notes
     for reason, count in sorted(health.now.refused.items()):
         recent = count - health.before.refused.get(reason, 0)
         if recent > 0 and reason != 'processing':
             yield f'refused {recent} pairs ({reason}): {ADVICE.get(reason, "see the log")}'
     if health.unmatched > health.unmatched_before:
-        yield (f'{health.unmatched - health.unmatched_before} unmatched ({health.lag}): check '
-               'that stamps are equal, or set sync.approximate and sync.slop')
+        yield (f'{health.unmatched - health.unmatched_before} pairs unmatched: '
+               f'{health.unmatched_why}')
     received = health.now.received - health.before.received
     superseded = health.now.superseded - health.before.superseded
     if superseded > SLOW_SHARE * max(received, 1):

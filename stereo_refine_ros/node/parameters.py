@@ -25,8 +25,9 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from stereo_refine_ros.node.parameter_advice import explain, is_foreign
 from stereo_refine_ros.params import (
-    load_preset, ParameterSpec, Params, PRESETS, SPEC_BY_NAME)
+    check_values, load_preset, ParameterSpec, Params, PRESETS, SPEC_BY_NAME)
 
 
 class BadParameters(Exception):
@@ -59,9 +60,12 @@ class NodeParameters:
     """
     Keep one immutable `Params` in step with the node's ROS parameters.
 
+    What was set by name, at start or since, stays when another preset is chosen.
+
     Parameters
     ----------
     node : rclpy.node.Node
+        Made with `automatically_declare_parameters_from_overrides`.
     on_change : callable of (old, new) Params
         Called after a batch was accepted whole.
 
@@ -74,60 +78,87 @@ class NodeParameters:
 
     def __init__(self, node: Node, on_change: Callable[[Params, Params], None]) -> None:
         """Declare every parameter and follow its changes."""
+        self._node = node
         self._on_change = on_change
+        self._from_preset: set[str] = set()
+        given = _take_overrides(node)
+        preset = given.pop('preset', PRESETS[0])
         try:
-            self.current = self._declare(node)
+            self.current = load_preset(preset, given)
+            self._chosen = check_values(given)
+            for name, value in self.current.as_dict().items():
+                node.declare_parameter(
+                    name, value, describe(SPEC_BY_NAME[name]), ignore_override=True)
         except (ValueError, ParameterException) as error:
             raise BadParameters(str(error)) from error
         node.add_pre_set_parameters_callback(self._complete)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
 
-    def _declare(self, node: Node) -> Params:
-        preset = node.declare_parameter(
-            'preset', PRESETS[0], describe(SPEC_BY_NAME['preset'])).value
-        params = load_preset(preset)
-        given: dict[str, Any] = {}
-        for name, default in params.as_dict().items():
-            if name != 'preset':
-                given[name] = node.declare_parameter(
-                    name, default, describe(SPEC_BY_NAME[name])).value
-        params = params.updated(given)
-        node.set_parameters(
-            [Parameter(name, value=value) for name, value in params.as_dict().items()
-             if type(value) is not type(given.get(name, value))])
-        return params
-
     def _complete(self, parameters: list[Parameter]) -> list[Parameter]:
-        """Give integers the type their float needs; let a new preset bring its values."""
-        given = {item.name: item.value for item in parameters}
+        """Give values the type of their parameter; let a new preset bring its values."""
+        self._from_preset = set()
         complete = [_typed(item) for item in parameters]
+        given = {item.name: item.value for item in complete}
+        for name in filter(is_foreign, given):
+            if not self._node.has_parameter(name):
+                self._node.get_logger().warning(explain(name))
         preset = given.get('preset', self.current.preset)
         if preset != self.current.preset and preset in PRESETS:
-            complete += [Parameter(name, value=value)
-                         for name, value in load_preset(preset).as_dict().items()
-                         if name not in given]
+            brought = {name: value for name, value in load_preset(preset).as_dict().items()
+                       if name not in given and name not in self._chosen}
+            self._from_preset = set(brought)
+            complete += [Parameter(name, value=value) for name, value in brought.items()]
         return complete
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         try:
-            self.current.updated(_ours(parameters))
+            self.current.updated({**self._chosen, **_ours(parameters)})
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: list[Parameter]) -> None:
         changed = _ours(parameters)
-        if changed:
-            old, self.current = self.current, self.current.updated(changed)
-            self._on_change(old, self.current)
+        if not changed:
+            return
+        old, self.current = self.current, self.current.updated({**self._chosen, **changed})
+        self._chosen.update({name: value for name, value in changed.items()
+                             if name not in self._from_preset and name != 'preset'})
+        if old.preset != self.current.preset:
+            self._say_what_changed(old)
+        self._on_change(old, self.current)
+
+    def _say_what_changed(self, old: Params) -> None:
+        before, after = old.as_dict(), self.current.as_dict()
+        changed = [f'{name} {value}' for name, value in after.items() if value != before[name]]
+        stays = ', '.join(sorted(self._chosen)) or 'nothing'
+        self._node.get_logger().info(
+            f'preset {self.current.preset}: now {", ".join(changed)}; as you set it stays '
+            f'{stays}')
+
+
+def _take_overrides(node: Node) -> dict[str, Any]:
+    """Take what the command line and files set of ours; warn of what is nobody's."""
+    given = {}
+    for name, parameter in node.get_parameters_by_prefix('').items():
+        if name in SPEC_BY_NAME:
+            given[name] = parameter.value
+            node.undeclare_parameter(name)
+        elif is_foreign(name):
+            node.get_logger().warning(explain(name))
+            node.undeclare_parameter(name)
+    return given
 
 
 def _typed(parameter: Parameter) -> Parameter:
     spec = SPEC_BY_NAME.get(parameter.name)
-    if spec is not None and spec.type is float and type(parameter.value) is int:
-        return Parameter(parameter.name, value=float(parameter.value))
-    return parameter
+    if spec is None:
+        return parameter
+    try:
+        return Parameter(parameter.name, value=spec.check(parameter.value))
+    except ValueError:
+        return parameter  # `_check` refuses it with the reason
 
 
 def _ours(parameters: list[Parameter]) -> dict[str, Any]:

@@ -25,14 +25,15 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
 from visualization_msgs.msg import MarkerArray
 
 TOPICS: dict[str, type] = {
     'disparity': DisparityImage, 'metrics': DiagnosticArray,
-    'disparity/preliminary': DisparityImage, 'disparity/color': Image, 'segments': Image,
-    'planes': MarkerArray, 'depth': Image, 'points': PointCloud2}
+    'disparity/preliminary': DisparityImage, 'disparity/color': Image, 'confidence': Image,
+    'segments': Image, 'planes': MarkerArray, 'depth': Image, 'depth/camera_info': CameraInfo,
+    'points': PointCloud2}
 
 
 class Publishers:

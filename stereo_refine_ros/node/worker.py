@@ -12,18 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Threads that take the newest frames, and one that makes what is owed for a frame already out."""
+"""Newest frames refined a few at a time and delivered in order; what is owed for them after."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from concurrent.futures import Future, ThreadPoolExecutor
 import queue
 import threading
 import time
 from typing import Generic, TypeVar
 
 Item = TypeVar('Item')
+Result = TypeVar('Result')
 
 MOST_IN_FLIGHT = 2
 
@@ -58,104 +59,46 @@ class NewestSlot(Generic[Item]):
             self._condition.notify_all()
 
 
-@dataclass(frozen=True)
-class Turn:
+class Worker(Generic[Item, Result]):
     """
-    The place of an item in the order of arrival.
+    Refine the newest items, a few at a time, and deliver the results in order of arrival.
 
-    Attributes
-    ----------
-    is_alone : bool
-        Whether no other item was being processed when this one was begun.
-    wait : callable
-        Returns once every item before this one is done.
-
-    """
-
-    is_alone: bool = True
-    wait: Callable[[], None] = lambda: None
-
-
-FIRST = Turn()
-
-
-class _Order:
-    """Tickets in the order of arrival, and how many of them are out."""
-
-    def __init__(self) -> None:
-        self._condition = threading.Condition()
-        self._drawn = 0
-        self._serving = 0
-        self._finished: set[int] = set()
-        self._closed = False
-
-    def room(self, limit: Callable[[], int]) -> None:
-        """Wait until fewer than `limit` items are being processed."""
-        with self._condition:
-            self._condition.wait_for(lambda: self._closed or self._active() < limit())
-
-    def draw(self) -> tuple[int, Turn]:
-        with self._condition:
-            ticket, self._drawn = self._drawn, self._drawn + 1
-            return ticket, Turn(self._active() == 1, lambda: self._wait(ticket))
-
-    def finish(self, ticket: int) -> None:
-        with self._condition:
-            self._finished.add(ticket)
-            while self._serving in self._finished:
-                self._finished.remove(self._serving)
-                self._serving += 1
-            self._condition.notify_all()
-
-    def close(self) -> None:
-        with self._condition:
-            self._closed = True
-            self._condition.notify_all()
-
-    def _active(self) -> int:
-        return self._drawn - self._serving - len(self._finished)
-
-    def _wait(self, ticket: int) -> None:
-        with self._condition:
-            self._condition.wait_for(lambda: self._serving == ticket)
-
-
-class Worker(Generic[Item]):
-    """
-    Process the newest items, a few at a time, in threads of its own.
-
-    While one item leaves a core idle, the next one may begin; `Turn.wait` lets them end in the
-    order in which they came.
+    One loop begins an item as soon as there is room, and leaves its future in a FIFO; another
+    takes the futures out and waits for each in turn.
 
     Parameters
     ----------
     prepare : callable
         Runs once in a thread before the first item.
-    process : callable of one item and its Turn
+    refine : callable of an item and a bool
+        Makes the result; told whether no other item was in work when this one began.
+    deliver : callable of a result
     on_error : callable of an exception
-        Told what `prepare` or `process` raised; the thread goes on with the next item.
+        Told what any of the three raised; the next item gets its chance.
     limit : callable
-        Returns how many items may be processed at a time, up to MOST_IN_FLIGHT; asked before an
-        item is waited for, so a change shows from the next one on.
+        Returns how many items may be in work, up to MOST_IN_FLIGHT; asked before an item is
+        waited for, so a change shows from the next one on.
 
     """
 
-    def __init__(self, prepare: Callable[[], None], process: Callable[[Item, Turn], None],
-                 on_error: Callable[[Exception], None],
+    def __init__(self, prepare: Callable[[], None], refine: Callable[[Item, bool], Result],
+                 deliver: Callable[[Result], None], on_error: Callable[[Exception], None],
                  limit: Callable[[], int] = lambda: 1) -> None:
         """Keep the callables; `start` starts the threads."""
         self._prepare = prepare
-        self._process = process
+        self._refine = refine
+        self._deliver = deliver
         self._on_error = on_error
         self._limit = limit
         self._slot: NewestSlot[Item] = NewestSlot()
-        self._order = _Order()
-        self._taking = threading.Lock()
+        self._begun: queue.SimpleQueue[Future[Result] | None] = queue.SimpleQueue()
+        self._room = threading.Condition()
+        self._in_work = 0
+        self._closed = False
         # Daemons: a kernel that runs for seconds must not hold up the end of the process.
         self._threads = [
-            threading.Thread(target=self._run, name='refine', args=(number,), daemon=True)
-            for number in range(MOST_IN_FLIGHT)]
-        self._prepared = threading.Event()
+            threading.Thread(target=task, name=task.__name__, daemon=True)
+            for task in (self._begin_items, self._deliver_results)]
 
     def start(self) -> None:
         """Start the threads."""
@@ -168,48 +111,52 @@ class Worker(Generic[Item]):
 
     def stop(self, timeout_s: float) -> bool:
         """Ask the threads to end; return whether they did within the time."""
+        with self._room:
+            self._closed = True
+            self._room.notify_all()
         self._slot.close()
-        self._order.close()
         end = time.monotonic() + timeout_s
         for thread in self._threads:
             if thread.is_alive():
                 thread.join(max(0.0, end - time.monotonic()))
         return not any(thread.is_alive() for thread in self._threads)
 
-    def _run(self, number: int) -> None:
-        if number == 0:
-            try:
-                self._guarded(self._prepare)
-            finally:
-                self._prepared.set()
-        self._prepared.wait()
-        while (taken := self._take()) is not None:
-            item, ticket, turn = taken
-            try:
-                self._guarded(self._process, item, turn)
-            finally:  # even where `on_error` raises: the other thread waits for this
-                self._order.finish(ticket)
-
-    def _take(self) -> tuple[Item, int, Turn] | None:
-        """Wait for room and for an item, one thread at a time, so that tickets keep the order."""
-        with self._taking:
-            self._order.room(self._limit)
-            item = self._slot.take()
-            return None if item is None else (item, *self._order.draw())
-
-    def _guarded(self, task: Callable[..., None], *args: object) -> None:
+    def _begin_items(self) -> None:
         try:
-            task(*args)
-        except Exception as error:  # whatever a frame does, the next one gets its chance
+            self._prepare()
+        except Exception as error:
             self._on_error(error)
+        with ThreadPoolExecutor(MOST_IN_FLIGHT, 'refine') as pool:
+            while self._wait_for_room() and (item := self._slot.take()) is not None:
+                with self._room:
+                    is_alone = self._in_work == 0
+                    self._in_work += 1
+                self._begun.put(pool.submit(self._refine, item, is_alone))
+        self._begun.put(None)
+
+    def _wait_for_room(self) -> bool:
+        with self._room:
+            self._room.wait_for(lambda: self._closed or self._in_work < self._limit())
+            return not self._closed
+
+    def _deliver_results(self) -> None:
+        while (future := self._begun.get()) is not None:
+            try:
+                self._deliver(future.result())
+            except Exception as error:  # whatever a frame does, the next one gets its chance
+                self._on_error(error)
+            finally:
+                with self._room:
+                    self._in_work -= 1
+                    self._room.notify_all()
 
 
 class Afterwork:
     """
     Do tasks in order in a thread of its own, at most one of them waiting.
 
-    Views and metrics of a frame are made here while the next frame is being refined; a worker
-    that is faster than this waits, so that every frame gets its own.
+    Views of a frame are made here while the next frame is being refined; a worker that is
+    faster than this waits, so that every frame gets its own.
 
     Parameters
     ----------

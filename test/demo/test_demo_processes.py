@@ -15,11 +15,12 @@
 """The demo's processes are watched and ended, and its messages stay on the host."""
 
 import signal
+import subprocess
 from types import SimpleNamespace
 
 import pytest
 
-from stereo_refine_ros.demo import processes
+from stereo_refine_ros import dds_profile
 from stereo_refine_ros.demo.processes import dds_environment, DemoError, Processes
 from stereo_refine_ros.params import preset_path
 
@@ -35,7 +36,7 @@ def test_messages_stay_on_the_host_in_a_domain_of_their_own():
 @pytest.mark.parametrize('free, is_used', [(1 << 30, True), (64 << 20, False)])
 def test_profile_is_used_where_its_segments_fit(monkeypatch, free, is_used):
     monkeypatch.setattr(
-        processes.shutil, 'disk_usage', lambda path: SimpleNamespace(free=free))
+        dds_profile.shutil, 'disk_usage', lambda path: SimpleNamespace(free=free))
     expected = str(CONFIG / 'fastdds_shm.xml') if is_used else None
     variables = dds_environment(CONFIG)
     assert variables.get('FASTRTPS_DEFAULT_PROFILES_FILE') == expected
@@ -56,6 +57,6 @@ def test_processes_end_with_the_context(tmp_path):
         process = running._running['replay']
         running.check()
         # Once it listens to signals: before that SIGINT is Python's own.
-        with pytest.raises(processes.subprocess.TimeoutExpired):
+        with pytest.raises(subprocess.TimeoutExpired):
             process.wait(5.0)
     assert process.returncode in (0, -signal.SIGINT)

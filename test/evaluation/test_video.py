@@ -19,12 +19,14 @@ import json
 import math
 from xml.etree import ElementTree
 
-from bag_writer import pair_messages, write_messages
+from bag_writer import image, pair_messages, raw_camera_info, write_messages
 import cv2
 import numpy as np
 import pytest
 from scene_folder import small_scene
 
+from stereo_refine_ros.camera_info import CameraModel
+from stereo_refine_ros.datasets import iterate_folder
 from stereo_refine_ros.evaluation.plot import PANELS, plot_svg
 from stereo_refine_ros.evaluation.video import (
     average, bag_frames, Frame, measure_video, sequence_frames, suggested_disparities, write_csv)
@@ -97,12 +99,33 @@ def test_bag_gives_its_pairs_and_times(tmp_path, scenes):
         next(bag_frames(tmp_path / 'bag', PARAMS, ('/alone',)))
 
 
+def test_bag_of_raw_images_is_rectified_where_the_parameters_say_so(tmp_path, scenes):
+    """A calibration that turns both views by half a turn."""
+    scene = scenes[0]
+    height, width = scene.pair.shape
+    model = CameraModel(
+        width, height, 'plumb_bob', [0.0] * 5, [90.0, 0, (width - 1) / 2, 0, 90.0,
+                                               (height - 1) / 2, 0, 0, 1],
+        [-1.0, 0, 0, 0, -1.0, 0, 0, 0, 1.0],
+        [90.0, 0, (width - 1) / 2, 0, 0, 90.0, (height - 1) / 2, 0, 0, 0, 1, 0])
+    stamp = 5 * 10 ** 9
+    write_messages(tmp_path / 'bag', 'mcap', [
+        item for side, view in (('left', scene.pair.left), ('right', scene.pair.right))
+        for item in ((f'/{side}/camera_info', stamp, raw_camera_info(stamp, model)),
+                     (f'/{side}/image_raw', stamp, image(stamp, view[::-1, ::-1])))])
+    rectified = next(bag_frames(tmp_path / 'bag', PARAMS.updated({'inputs.rectify': True})))
+    np.testing.assert_array_equal(rectified.pair.left, scene.pair.left)
+    np.testing.assert_array_equal(rectified.pair.right, scene.pair.right)
+    raw = next(bag_frames(tmp_path / 'bag', PARAMS))
+    np.testing.assert_array_equal(raw.pair.left, scene.pair.left[::-1, ::-1])
+
+
 def test_sequence_in_the_order_of_names(tmp_path, scenes):
     for side in ('left', 'right'):
         (tmp_path / side).mkdir()
         for number, scene in enumerate(scenes):
             cv2.imwrite(str(tmp_path / side / f'{number:06d}.png'), getattr(scene.pair, side))
-    frames = list(sequence_frames(tmp_path))
+    frames = list(sequence_frames(iterate_folder(tmp_path)))
     assert [frame.time for frame in frames] == [0, 1, 2]
     np.testing.assert_array_equal(frames[2].pair.left, scenes[2].pair.left)
     assert suggested_disparities(tmp_path) is None

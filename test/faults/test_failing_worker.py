@@ -17,65 +17,20 @@
 from collections import Counter
 import threading
 
-from diagnostic_msgs.msg import DiagnosticArray
-from harness import Client, floats, reliable_inputs, stamp_of, stereo_messages, textured_pair
+from harness import floats, stamp_of, stereo_messages
+from live_harness import Harness, PAIR, PARAMS
 import numpy as np
 import pytest
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from stereo_msgs.msg import DisparityImage
+from sensor_msgs.msg import Image
 
-from stereo_refine_ros.node import processing
-from stereo_refine_ros.node.refine_node import RefineNode
+from stereo_refine_ros import pipeline
+from stereo_refine_ros.node import views
+from stereo_refine_ros.node.frame_refiner import FAILURES_BEFORE_FALLBACK
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
 
 pytestmark = pytest.mark.ros
-PAIR = textured_pair()
-PARAMS = {'matching.num_disparities': 16}
-
-
-class Harness:
-    """The node, spun in a thread, and a client in a context of its own."""
-
-    def __init__(self):
-        rclpy.init(args=['--ros-args', *reliable_inputs()])
-        self.node = RefineNode(parameter_overrides=[
-            Parameter(name, value=value) for name, value in PARAMS.items()])
-        self.executor = SingleThreadedExecutor()
-        self.executor.add_node(self.node)
-        self.thread = threading.Thread(target=self.executor.spin)
-        self.thread.start()
-        self.client = Client()
-        for topic, kind in (('disparity', DisparityImage), ('metrics', DiagnosticArray),
-                            ('/diagnostics', DiagnosticArray)):
-            self.client.subscribe(topic, kind)
-        self.client.connect(stereo_messages(*PAIR, 1))
-        self.stamp = 10 ** 9
-
-    def close(self):
-        self.client.close()
-        self.executor.shutdown()
-        self.thread.join()
-        self.node.stop(5.0)
-        self.node.destroy_node()
-        rclpy.try_shutdown()
-
-    def pair(self):
-        self.stamp += 33_000_000
-        return stereo_messages(*PAIR, self.stamp)
-
-    def until_failed(self, frames):
-        counts = self.node._ledger.counts
-        self.client.until(lambda: counts().refused.get('processing') == frames, 5.0,
-                          lambda: f'{frames} failed frames in {counts()}')
-
-    def until_diagnosed(self, text, level):
-        found = self.client.received['/diagnostics']
-        self.client.until(lambda: any(
-            text in message.status[0].message and message.status[0].level == level
-            for message in found), 5.0, lambda: f'{text!r} in {found[-1:]}')
 
 
 @pytest.fixture
@@ -97,7 +52,7 @@ def test_a_kernel_that_fails_is_reported_and_the_preliminary_goes_out(harness, m
         broken.setattr(StereoRefiner, 'process', failing)
         client.received['disparity'].clear()
         client.received['/diagnostics'].clear()
-        for number in range(1, processing.FAILURES_BEFORE_FALLBACK):
+        for number in range(1, FAILURES_BEFORE_FALLBACK):
             client.send(harness.pair())
             harness.until_failed(number)
         assert client.received['disparity'] == []
@@ -124,16 +79,28 @@ def test_a_matcher_that_fails_too_costs_frames_and_nothing_else(harness, monkeyp
     client.exchange(harness.pair(), timeout_s=60.0)
     with monkeypatch.context() as broken:
         broken.setattr(StereoRefiner, 'process', failing)
-        broken.setattr(processing, 'compute_match', failing)
+        broken.setattr(pipeline, 'compute_match', failing)
         for number in range(1, 6):
             client.send(harness.pair())
             harness.until_failed(number)
         harness.until_diagnosed('refinement failed', b'\x02')
     client.exchange(harness.pair())
-    client.spin(1.2)
+    client.until(lambda: client.health()['pairs_published'] == 2, 5.0, 'the counters')
     health = client.health()
     assert health['refused.processing'] == 5
     assert health['pairs_received'] == health['pairs_published'] + 5
+
+
+def test_a_failing_view_costs_neither_the_disparity_nor_the_metrics(harness, monkeypatch):
+    client = harness.client
+    client.subscribe('disparity/color', Image)
+    client.subscribe('depth', Image)
+    client.until(lambda: all(map(harness.node._outputs.wants, ('disparity/color', 'depth'))),
+                 10.0, 'subscribers of the views')
+    monkeypatch.setitem(views.VIEWS, 'disparity/color', failing)
+    client.exchange(harness.pair(), ('disparity', 'depth', 'metrics'), timeout_s=60.0)
+    assert client.received['disparity/color'] == []
+    harness.until_diagnosed('refinement failed', b'\x02')
 
 
 def test_parameters_are_swapped_whole_between_frames(harness, monkeypatch):

@@ -30,7 +30,7 @@ import pytest
 from rcl_interfaces.srv import SetParametersAtomically
 from stereo_msgs.msg import DisparityImage
 
-from stereo_refine_ros.params import SPECS
+from stereo_refine_ros.params import load_preset, SPECS
 
 pytestmark = pytest.mark.ros
 PAIR = textured_pair()
@@ -90,25 +90,19 @@ def test_a_publisher_killed_and_restarted_mid_frame(node, client):
     assert_good_pair_comes_out(client)
 
 
-def test_camera_info_that_comes_late_still_pairs(client):
-    sent = good_pair()
-    late = {topic: sent.pop(topic) for topic in INFOS}
-    client.received['disparity'].clear()
-    client.send(sent)
-    client.spin(0.3)
-    assert client.received['disparity'] == []
-    client.send(late)
-    client.until(lambda: client.received['disparity'], 10.0, 'the pair')
-    assert client.received['disparity'][0].header == late[INFOS[0]].header
-
-
-def test_images_without_camera_info_are_unmatched_and_explained(node, client):
-    for _ in range(25):  # more than a queue holds
-        sent = good_pair()
-        client.send({topic: sent[topic] for topic in (LEFT, RIGHT)})
-        client.spin(0.02)
-    until_health(client, lambda status: 'unmatched' in status.message
-                 or 'camera_info' in status.message, 'a word on camera_info')
+def test_camera_info_that_comes_late_or_not_at_all_holds_nothing_up(client):
+    assert_good_pair_comes_out(client)
+    late = []
+    for _ in range(12):
+        sent = good_pair(focal=321.0)
+        late.append({topic: sent.pop(topic) for topic in INFOS})
+        message, = client.exchange(sent)
+        assert message.header == sent[LEFT].header
+        assert message.f == 200.0  # the newest that came
+    client.send(late[-1])
+    client.until(lambda: client.exchange({
+        topic: message for topic, message in good_pair().items() if topic not in INFOS}
+    )[0].f == 321.0, 10.0, 'the late calibration')
     assert_good_pair_comes_out(client)
 
 
@@ -263,8 +257,9 @@ def test_a_thousand_random_parameter_sets(node, client):
     assert 500 < accepted < 900
     client.until(lambda: client.received['disparity'], 30.0, 'frames in the storm')
     assert client.set_atomically(preset='accurate').successful
-    assert client.set_atomically(preset='live', matching__num_disparities=16,
-                                 matching__min_disparity=0).successful
+    back = load_preset('live', {'matching.num_disparities': 16}).as_dict()
+    assert client.set_atomically(**{
+        name.replace('.', '__'): value for name, value in back.items()}).successful
     assert_good_pair_comes_out(client)
     assert node.process.poll() is None
 

@@ -46,7 +46,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from sensor_msgs.msg import CameraInfo, Image  # noqa: E402
 from stereo_msgs.msg import DisparityImage  # noqa: E402
 
-from stereo_refine_ros.node.conversions import fill_image  # noqa: E402
+from stereo_refine_ros.messages.images import fill_image  # noqa: E402
 
 TYPES = {'left/image_rect': Image, 'right/image_rect': Image, 'left/camera_info': CameraInfo,
          'right/camera_info': CameraInfo, 'preliminary/disparity': DisparityImage,
@@ -170,7 +170,8 @@ class Client:
 
     def exchange(self, messages: dict, topics=('disparity',), timeout_s: float = 20.0) -> list:
         """Send one set of messages; return what came on each topic with its stamp."""
-        stamp = messages.get('left/camera_info', messages['left/image_rect']).header.stamp
+        first = messages.get('left/camera_info') or messages['left/image_rect']
+        stamp = first.header.stamp
         for topic in topics:
             self.received[topic].clear()
         self.send(messages)

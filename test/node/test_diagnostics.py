@@ -17,10 +17,10 @@
 from diagnostic_msgs.msg import DiagnosticStatus
 import pytest
 
+from stereo_refine_ros.health_advice import Advice, Level
+from stereo_refine_ros.node.counters import Counts
 from stereo_refine_ros.node.diagnostics import (
-    ADVICE, assess, describe_lag, diagnostic_status, Health)
-from stereo_refine_ros.node.ledger import Counts
-from stereo_refine_ros.node.pairing import Pairing
+    ADVICE, assess, diagnostic_status, frame_status, Health)
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 BEFORE = Counts(received=100, published=100)
@@ -30,12 +30,17 @@ BEFORE = Counts(received=100, published=100)
     ({'ready': False}, OK, 'compiling'),
     ({'listening': False}, OK, 'idle'),
     ({}, OK, 'refining at 29.5'),
-    ({'silent': ('right/camera_info',)}, ERROR, 'no input on right/camera_info'),
+    ({'silent': ('right/image_rect',), 'silent_why': ('nobody publishes it',)}, ERROR,
+     'no input on right/image_rect: nobody publishes it'),
+    ({'feedback': ('/disparity is both',)}, ERROR, '/disparity is both'),
+    ({'notes': ('disparity comes without depth',)}, WARN, 'without depth'),
+    ({'advice': (Advice('gain', Level.WARN, 'too bright'),)}, WARN, 'too bright'),
+    ({'advice': (Advice('black', Level.ERROR, 'no light'),)}, ERROR, 'no light'),
     ({'incompatible': ('left/image_rect',)}, ERROR, 'qos_overrides'),
     ({'now': Counts(received=101, published=100, failures=1)}, ERROR, 'refinement failed 1'),
     ({'now': Counts(received=101, published=101, degraded=1)}, ERROR, 'preliminary'),
     ({'now': Counts(received=101, published=100, refused={'step': 1})}, WARN, ADVICE['step']),
-    ({'unmatched': 3, 'lag': 'right/image_rect lags by 12.0 ms'}, WARN, '3 unmatched (right'),
+    ({'unmatched': 3, 'unmatched_why': 'right lags'}, WARN, '3 pairs unmatched: right lags'),
     ({'now': Counts(received=130, published=120, superseded=10)}, WARN, 'too slow: 10 of 30'),
     ({'now': Counts(received=130, published=129, superseded=1)}, OK, 'refining'),
     ({'valid_ratio': 0.12}, WARN, 'only 12 %'),
@@ -67,12 +72,9 @@ def test_the_status_holds_every_counter():
         'published', 'superseded', 'refused', 'in_flight'))
 
 
-def test_the_topic_that_lags_is_named():
-    pairing = Pairing(('left', 'right', 'info'))
-    pairing.add('left', 50_000_000, None, 0.0)
-    pairing.add('info', 50_000_000, None, 0.0)
-    assert describe_lag(pairing) == 'right never came'
-    pairing.add('right', 20_000_000, None, 0.0)
-    assert describe_lag(pairing) == 'right lags by 30.0 ms'
-    pairing.add('right', 50_000_000, None, 0.0)
-    assert describe_lag(pairing) == 'all topics are level now'
+@pytest.mark.parametrize('degraded,advice,level,text', [
+    (False, (), OK, 'refined'), (False, (Advice('a', Level.WARN, 'w'),), WARN, 'w'),
+    (False, (Advice('b', Level.ERROR, 'e'), Advice('a', Level.WARN, 'w')), ERROR, 'e; w'),
+    (True, (), ERROR, 'refinement failed: disparity is the preliminary one')])
+def test_the_status_of_a_frame(degraded, advice, level, text):
+    assert frame_status(degraded, advice) == (level, text)

@@ -23,11 +23,11 @@ from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
+from stereo_refine_ros.camera_info import stereo_geometry
 from stereo_refine_ros.encodings import BadMessage
-from stereo_refine_ros.node.camera import stereo_geometry
-from stereo_refine_ros.node.conversions import fill_image
-from stereo_refine_ros.node.disparity_messages import (
+from stereo_refine_ros.messages.disparity import (
     disparity_message, read_disparity, resize_disparity)
+from stereo_refine_ros.messages.images import fill_image
 from stereo_refine_ros.types import DisparityMap, StereoGeometry
 
 NAN = np.nan
@@ -111,7 +111,7 @@ def test_a_bigendian_flag_is_believed_only_if_values_make_sense(stored):
 
 
 @pytest.mark.parametrize('change,reason', [
-    ({'encoding': '16UC1'}, 'encoding'), ({'step': 8}, 'step'), ({'height': 3}, 'data_size'),
+    ({'encoding': 'mono8'}, 'encoding'), ({'step': 8}, 'step'), ({'height': 3}, 'data_size'),
     ({'width': 0}, 'zero_size'), ({'width': 2 ** 31}, 'too_large')])
 def test_refusals(change, reason):
     message = received(VALUES)
@@ -164,7 +164,7 @@ def test_a_camera_info_without_size_is_taken():
 @pytest.mark.parametrize('change,reason', [
     ({'focal': 0.0}, 'focal_length'), ({'focal': -5.0}, 'focal_length'),
     ({'focal': math.nan}, 'focal_length'), ({'focal': math.inf}, 'focal_length'),
-    ({'cx': math.nan}, 'focal_length'), ({'baseline': 0.0}, 'baseline'),
+    ({'cx': math.nan}, 'focal_length'), ({'baseline': 0.0}, 'no_baseline'),
     ({'baseline': -0.12}, 'baseline'), ({'baseline': math.nan}, 'baseline'),
     ({'baseline': math.inf}, 'baseline')])
 def test_calibrations_that_are_refused(change, reason):

@@ -20,10 +20,10 @@ import pytest
 from sensor_msgs.msg import Image
 from stereo_msgs.msg import DisparityImage
 
+from stereo_refine_ros.camera_info import FOCAL_PX, is_within, stereo_geometry
 from stereo_refine_ros.encodings import BadMessage, decode_image, MAX_PIXELS, MAX_SIDE
-from stereo_refine_ros.node.camera import FOCAL_PX, is_within, stereo_geometry
-from stereo_refine_ros.node.conversions import fill_image
-from stereo_refine_ros.node.disparity_messages import check_disparity, read_disparity
+from stereo_refine_ros.messages.disparity import check_disparity, read_disparity
+from stereo_refine_ros.messages.images import fill_image
 
 pytestmark = pytest.mark.ros
 
@@ -75,7 +75,7 @@ def test_refusals_say_what_was_expected():
     assert f"encoding '{'y' * 40}' is none of mono8, 8UC1, mono16," in text
     message = DisparityImage(image=image(8, 2, 'z' * 41, step=32))
     assert refusal(check_disparity, 'd', message) == (
-        'encoding', f"d: encoding '{'z' * 40}' is not 32FC1")
+        'encoding', f"d: encoding '{'z' * 40}' is none of 32FC1, 16SC1, 16UC1")
     message = DisparityImage(image=image(8, 2, '32FC1'))
     assert refusal(read_disparity, 'd', message)[1].startswith('d: step 8')
 

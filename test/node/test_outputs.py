@@ -20,9 +20,9 @@ import pytest
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from stereo_refine_ros.datasets.synthetic import render_scene
-from stereo_refine_ros.node.outputs import (
+from stereo_refine_ros.messages.outputs import (
     color_map, depth_map, image_message, point_cloud)
-from stereo_refine_ros.node.plane_markers import large_planes, plane_markers
+from stereo_refine_ros.messages.plane_markers import large_planes, plane_markers
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.types import DisparityMap, PlaneSegmentation, StereoGeometry

@@ -24,7 +24,7 @@ from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
 from stereo_refine_ros.datasets import load_scene
-from stereo_refine_ros.node.publishing import (
+from stereo_refine_ros.messages.scene import (
     camera_info_messages, image_message, nominal_geometry, truth_message)
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
@@ -35,7 +35,7 @@ pytestmark = pytest.mark.ros
 
 @pytest.fixture(scope='module')
 def client():
-    with running_node(*reliable_inputs()):
+    with running_node(*reliable_inputs(), '-p', 'output.min_confidence:=0.0'):
         client = Client()
         client.subscribe('disparity', DisparityImage)
         client.subscribe('metrics', DiagnosticArray)

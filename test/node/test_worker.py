@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The newest item, a few in flight, in order; and what is owed afterwards."""
+"""The newest item, a few in work, delivered in order; and what is owed afterwards."""
 
 import threading
 import time
@@ -29,103 +29,106 @@ def test_the_slot_keeps_the_newest():
     assert slot.take() is None
 
 
-def test_a_worker_goes_on_after_an_exception():
-    done, errors, served = threading.Event(), [], []
-
-    def process(item, turn):
-        if item == 'bad':
-            raise ValueError('bad item')
-        served.append(item)
-        done.set()
-
-    def on_error(error):
-        errors.append(error)
-        done.set()
-
-    worker = Worker(lambda: None, process, on_error)
-    worker.start()
-    for item in ('bad', 'good'):
-        done.clear()
-        worker.submit(item)
-        assert done.wait(5)
-    assert worker.stop(5)
-    assert served == ['good'] and [str(e) for e in errors] == ['bad item']
-
-
 def until(condition):
-    end = time.monotonic() + 5
+    end = time.monotonic() + 10
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.005)
 
 
 class Stage:
-    """Items that are processed until they are let go, and what became of them."""
+    """Items that are refined until they are let go, and what became of them."""
 
     def __init__(self, limit):
-        self.begun, self.ended, self.alone = [], [], {}
+        self.begun, self.refined, self.delivered, self.errors = [], [], [], []
+        self.alone = {}
         self.gates = {item: threading.Event() for item in 'abcd'}
-        self.worker = Worker(lambda: None, self._process, lambda error: None, lambda: limit)
+        self.worker = Worker(
+            lambda: None, self._refine, self.delivered.append, self.errors.append,
+            lambda: limit)
         self.worker.start()
 
-    def _process(self, item, turn):
+    def _refine(self, item, is_alone):
         self.begun.append(item)
-        self.alone[item] = turn.is_alone
-        assert self.gates[item].wait(5)
+        self.alone[item] = is_alone
+        assert self.gates[item].wait(10)
+        self.refined.append(item)
         if item == 'b':
             raise ValueError('b fails')
-        turn.wait()
-        self.ended.append(item)
+        return item
 
-    def submit(self, item, begins=True):
-        """Submit an item; wait until it is begun, or for long enough to see that it is not."""
-        replaced = self.worker.submit(item)
-        if begins:
-            until(lambda: item in self.begun)
-        else:
-            time.sleep(0.05)
-        return replaced
+    def begin(self, item):
+        assert self.worker.submit(item) is None
+        until(lambda: item in self.begun)
+
+    def let_go(self, *items):
+        for item in items:
+            self.gates[item].set()
+        until(lambda: set(items) <= set(self.refined))
 
 
-def test_two_items_in_flight_end_in_the_order_in_which_they_came():
+def test_two_items_in_work_are_delivered_in_the_order_in_which_they_came():
     stage = Stage(2)
-    assert stage.submit('a') is None and stage.submit('c') is None
+    stage.begin('a')
+    stage.begin('c')
     assert stage.begun == ['a', 'c'] and stage.alone == {'a': True, 'c': False}
-    # There is no room for a third: it waits in the slot, and a newer one replaces it.
-    assert stage.submit('b', begins=False) is None
-    assert stage.submit('d', begins=False) == 'b'
-    stage.gates['c'].set()
-    time.sleep(0.05)
-    assert stage.ended == [] and stage.begun == ['a', 'c']
-    stage.gates['a'].set()
-    stage.gates['d'].set()
-    until(lambda: len(stage.ended) == 3)
-    assert stage.ended == ['a', 'c', 'd']
-    assert stage.worker.stop(5)
+    # There is no room for a third: it waits in the slot, where a newer one replaces it.
+    assert stage.worker.submit('b') is None
+    assert stage.worker.submit('d') == 'b'
+    stage.let_go('c')
+    assert stage.delivered == [] and stage.begun == ['a', 'c']
+    stage.let_go('a', 'd')
+    until(lambda: len(stage.delivered) == 3)
+    assert stage.delivered == ['a', 'c', 'd']
+    assert stage.worker.stop(10)
 
 
 def test_an_item_that_fails_holds_nobody_up():
     stage = Stage(2)
-    stage.submit('b')
-    stage.submit('c')
-    stage.gates['c'].set()
-    time.sleep(0.05)
-    assert stage.ended == []
-    stage.gates['b'].set()
-    until(lambda: stage.ended == ['c'])
-    assert stage.worker.stop(5)
+    stage.begin('b')
+    stage.begin('c')
+    stage.let_go('c')
+    assert stage.delivered == []
+    stage.let_go('b')
+    until(lambda: stage.delivered == ['c'])
+    assert [str(error) for error in stage.errors] == ['b fails']
+    assert stage.worker.stop(10)
 
 
 def test_one_at_a_time_where_that_is_the_limit():
     stage = Stage(1)
-    stage.submit('a')
-    stage.submit('c', begins=False)
+    stage.begin('a')
+    assert stage.worker.submit('c') is None
+    assert stage.worker.submit('d') == 'c'  # nobody had taken it
     assert stage.begun == ['a']
-    stage.gates['a'].set()
-    until(lambda: stage.begun == ['a', 'c'])
-    assert stage.alone['c']
-    stage.gates['c'].set()
-    assert stage.worker.stop(5)
+    stage.let_go('a', 'd')
+    until(lambda: stage.delivered == ['a', 'd'])
+    assert stage.alone == {'a': True, 'd': True}
+    assert stage.worker.stop(10)
+
+
+def test_a_delivery_that_fails_and_a_preparation_that_fails_cost_themselves():
+    delivered, errors = [], []
+
+    def deliver(item):
+        if item == 'bad':
+            raise ValueError('bad item')
+        delivered.append(item)
+
+    worker = Worker(lambda: 1 / 0, lambda item, _: item, deliver, errors.append)
+    worker.start()
+    worker.submit('bad')
+    until(lambda: len(errors) == 2)
+    worker.submit('good')
+    until(lambda: delivered == ['good'])
+    assert [type(error) for error in errors] == [ZeroDivisionError, ValueError]
+    assert worker.stop(10)
+
+
+def test_a_worker_that_has_room_and_no_item_ends_when_told():
+    worker = Worker(lambda: None, lambda item, _: item, lambda _: None, lambda _: None)
+    worker.start()
+    assert worker.stop(10)
 
 
 def test_afterwork_keeps_order_and_goes_on_after_an_exception():
@@ -134,5 +137,5 @@ def test_afterwork_keeps_order_and_goes_on_after_an_exception():
     for number in range(5):
         afterwork.submit(lambda number=number: served.append(10 // (number - 2)))
     afterwork.submit(done.set)
-    assert done.wait(5)
+    assert done.wait(10)
     assert served == [-5, -10, 10, 5] and isinstance(errors[0], ZeroDivisionError)

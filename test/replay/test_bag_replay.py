@@ -14,6 +14,8 @@
 
 """A bag goes in and the same bytes come out over DDS, with a clock."""
 
+import time
+
 from bag_writer import NS, pair_messages, write_messages
 from listener import KIND_OF, replaying, stamp_ns
 import numpy as np
@@ -67,7 +69,7 @@ def test_messages_come_out_as_they_were_recorded(listen, tmp_path, storage):
 
 def test_clock_runs_with_the_bag(listen, bag):
     listener = listen({**CAMERA, '/clock': Clock}, use_sim_time=True)
-    with replaying('--bag', bag):
+    with replaying('--bag', bag, '--clock'):
         listener.wait(_has(listener, PAIRS))
         last = 1000 * NS + (PAIRS - 1) * NS // 10
         listener.wait(lambda: _ticks(listener)[-1:] == [last])
@@ -80,7 +82,7 @@ def test_clock_runs_with_the_bag(listen, bag):
 
 def test_loops_go_back_in_time_and_speed_is_a_factor(listen, bag):
     listener = listen({**CAMERA, '/clock': Clock})
-    with replaying('--bag', bag, '--loop', 2, '--rate', 4):
+    with replaying('--bag', bag, '--loop', 2, '--rate', 4, '--clock', 50):
         listener.wait(_has(listener, 2 * PAIRS))
     stamps = [stamp_ns(message) for message in listener.received['left/image_rect']]
     once = [1000 * NS + index * NS // 10 for index in range(PAIRS)]
@@ -100,8 +102,51 @@ def test_topics_can_be_chosen_and_remapped(listen, bag):
     assert listener.received['/right/image_rect'] == []
 
 
+def _left_stamps(listener):
+    return [(stamp_ns(message) - 1000 * NS) * 10 // NS
+            for message in listener.received['left/image_rect']]
+
+
+def test_offset_and_duration_are_seconds_of_the_bag(listen, bag):
+    listener = listen(CAMERA)
+    with replaying('--bag', bag, '--start-offset', 0.1, '--playback-duration', 0.25) as process:
+        listener.wait(_has(listener, 3))
+        out, _ = process.communicate(timeout=40)
+    assert out == 'replay: published 12 messages\n'
+    assert _left_stamps(listener) == [1, 2, 3]
+
+
+def test_topics_as_a_list_some_left_out_and_no_clock_unless_asked(listen, bag):
+    listener = listen({**CAMERA, '/clock': Clock})
+    with replaying('--bag', bag, '-r', 4, '--topics', '/left/image_rect', '/left/camera_info',
+                   '/right/image_rect', '--exclude-topics', '/left/camera_info') as process:
+        out, _ = process.communicate(timeout=40)
+        listener.wait(lambda: _left_stamps(listener) == [0, 1, 2, 3, 4])
+    assert out == f'replay: published {2 * PAIRS} messages\n'
+    assert not any(listener.received[name] for name in (
+        '/clock', 'left/camera_info', 'right/camera_info'))
+
+
+def test_delay_comes_before_the_first_message(listen, bag):
+    listener = listen(CAMERA)
+    with replaying('--bag', bag, '-r', 100, '--delay', 1.5, '--wait', 20) as process:
+        listener.wait(lambda: listener.node.count_publishers('left/image_rect') > 0)
+        begin = time.monotonic()
+        listener.wait(_has(listener, 1))
+        assert time.monotonic() - begin > 1.2
+        process.communicate(timeout=40)
+
+
+def test_offset_beyond_the_end_is_refused(bag):
+    with replaying('--bag', bag, '--start-offset', 99) as process:
+        _, err = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert '--start-offset 99: the bag is 0.4 s long' in err and 'Traceback' not in err
+
+
 def test_bag_without_the_topics_asked_for_is_refused(bag):
     with replaying('--bag', bag, '--topics', '/absent') as process:
         _, err = process.communicate(timeout=20)
     assert process.returncode == 1
     assert 'no messages that can be published' in err and 'Traceback' not in err
+    assert '/left/image_rect' in err

@@ -42,7 +42,8 @@ def _node(log_path):
     with log_path.open('wb') as log:
         process = subprocess.Popen(
             [sys.executable, '-m', 'stereo_refine_ros.refine_node', '--ros-args', '-p',
-             'matching.num_disparities:=24', '-p', 'use_sim_time:=true', *reliable],
+             'matching.num_disparities:=24', '-p', 'use_sim_time:=true',
+             '-p', 'output.min_confidence:=0.0', *reliable],
             stdout=log, stderr=log)
         try:
             yield
@@ -62,7 +63,7 @@ def test_bag_through_the_node_equals_the_core(listen, tmp_path):
     with _node(tmp_path / 'node.log'):
         listener.wait(lambda: 'ready after' in (tmp_path / 'node.log').read_text(), 90)
         # Twice over: the jump back in time must not stop the pairing.
-        with replaying('--bag', tmp_path / 'bag', '--loop', 2, '--wait', 20):
+        with replaying('--bag', tmp_path / 'bag', '--loop', 2, '--wait', 20, '--clock'):
             listener.wait(lambda: all(len(got) >= 2 * PAIRS for got in
                                       listener.received.values()))
     refiner = StereoRefiner(load_preset('live', {'matching.num_disparities': 24}))

@@ -24,7 +24,7 @@ import pytest
 import rclpy
 from std_msgs.msg import String
 
-from stereo_refine_ros.node.pacing import REPLAY_QOS, wait_delivered
+from stereo_refine_ros.replay.pacing import REPLAY_QOS, wait_delivered
 
 pytestmark = pytest.mark.ros
 # More than one of the three seconds between two heartbeats of Fast DDS, and than two.

@@ -14,14 +14,17 @@
 
 """What `replay` publishes, received over DDS from a process of its own."""
 
+from pathlib import Path
 import signal
 
 import cv2
 from listener import BEST_EFFORT, KIND_OF, pixels, replaying, stamp_ns
 import numpy as np
 import pytest
+from real_scenes import real_scene_folder
 
-from stereo_refine_ros.datasets import load_scene, render_scene
+from stereo_refine_ros import dds_profile
+from stereo_refine_ros.datasets import iterate_folder, load_scene, render_scene
 
 pytestmark = pytest.mark.ros
 
@@ -116,10 +119,55 @@ def test_folder_without_truth(listen, tmp_path):
     assert listener.received['right/camera_info'][0].p[3] == pytest.approx(-8 * 0.1)
 
 
+def test_raw_euroc_folder_goes_out_rectified_with_its_calibration(listen):
+    folder = real_scene_folder('../sequences/euroc_raw_excerpt')
+    topics = {name: kind for name, kind in KIND_OF.items() if 'truth' not in name}
+    listener = listen(topics)
+    with replaying('--folder', folder, '--rate', 20, '--encoding', 'mono8') as process:
+        listener.wait(_has(listener, 1, topics))
+        process.terminate()
+    expected = next(iter(iterate_folder(folder)))
+    np.testing.assert_array_equal(
+        pixels(listener.received['left/image_rect'][0]), expected.pair.left)
+    info = listener.received['right/camera_info'][0]
+    assert info.p[3] / info.p[0] == pytest.approx(-0.11008, abs=1e-5)
+    assert list(info.d) == [0.0] * 5
+
+
+def test_two_patterns(listen, tmp_path):
+    for index in range(3):
+        for side, level in (('a', 10 * index), ('b', 10 * index + 5)):
+            cv2.imwrite(str(tmp_path / f'{side}{index}.png'), np.full((6, 8), level, np.uint8))
+    listener = listen()
+    with replaying('--left', tmp_path / 'a*', '--right', tmp_path / 'b*', '--rate', 20,
+                   '--encoding', 'mono8'):
+        listener.wait(_has(listener, 3, ['left/image_rect', 'right/image_rect']))
+    levels = [pixels(message)[0, 0] for message in listener.received['right/image_rect']]
+    assert levels == [5, 15, 25]
+
+
+def _largest_segment(process):
+    """Bytes of the largest shared memory of Fast DDS that a process has mapped."""
+    maps = Path(f'/proc/{process.pid}/maps').read_text().splitlines()
+    spans = [line.split()[0].split('-') for line in maps if '/dev/shm/fastrtps_' in line]
+    return max((int(end, 16) - int(start, 16) for start, end in spans), default=0)
+
+
+def test_replay_gives_whole_images_room_by_itself(listen):
+    """The 512 KiB that Fast DDS takes by itself lose most colour images."""
+    if dds_profile.free_shared_memory() < 256 << 20:
+        pytest.skip('too little shared memory')
+    listener = listen()
+    with replaying('--synthetic', '--loop', '--rate', 20) as process:
+        listener.wait(_has(listener, 1))
+        assert _largest_segment(process) >= 32 << 20
+
+
 @pytest.mark.parametrize('options, reason', [
     (['--scene', 'nowhere'], "scene 'nowhere'"), (['--folder', '/nowhere'], 'no pairs'),
     (['--data', '/nowhere'], '--data'), (['--bag', '/nowhere'], 'bag: /nowhere does not exist'),
-    (['--bag', '/dev'], 'bag: /dev: '),
+    (['--bag', '/dev'], 'bag: /dev: '), (['--left', 'a*'], 'go together'),
+    (['--left', 'a*', '--right', 'b*'], 'finds 0 images'),
     (['--rate', '0'], '--rate'), (['--bag', 'b', '--synthetic'], 'not allowed')])
 def test_what_cannot_be_played_is_one_clear_error(options, reason):
     with replaying(*options) as process:

@@ -42,7 +42,7 @@ class Counts:
     refused: dict[str, int] = field(default_factory=dict)
 
 
-class Ledger:
+class FrameCounters:
     """
     Account for pairs: every one received is published, superseded or refused with a reason.
 

@@ -25,10 +25,10 @@ from sensor_msgs.msg import CameraInfo, Image
 from stereo_msgs.msg import DisparityImage
 
 from stereo_refine_ros.datasets.scene import Scene
-from stereo_refine_ros.node.pacing import (
-    REPLAY_QOS, sleep_until, wait_delivered, wait_for_subscribers)
-from stereo_refine_ros.node.publishing import (
+from stereo_refine_ros.messages.scene import (
     camera_info_messages, image_message, nominal_geometry, scene_header, truth_message)
+from stereo_refine_ros.replay.pacing import (
+    REPLAY_QOS, sleep_until, wait_delivered, wait_for_subscribers)
 
 _TOPICS = {
     'left': (Image, 'left/image_rect'), 'right': (Image, 'right/image_rect'),

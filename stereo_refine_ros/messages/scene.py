@@ -26,8 +26,8 @@ from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
 from stereo_refine_ros.datasets.scene import Scene
-from stereo_refine_ros.node.conversions import fill_image
-from stereo_refine_ros.node.disparity_messages import disparity_message
+from stereo_refine_ros.messages.disparity import disparity_message
+from stereo_refine_ros.messages.images import fill_image
 from stereo_refine_ros.types import DisparityMap, Image, StereoGeometry
 
 FRAME_ID = 'left_camera_optical_frame'

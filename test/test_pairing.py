@@ -17,7 +17,7 @@
 from hypothesis import given, settings, strategies as st
 import pytest
 
-from stereo_refine_ros.node.pairing import ALIVE_S, GRACE_S, Pairing
+from stereo_refine_ros.pairing import ALIVE_S, GRACE_S, Pairing
 
 MS = 1_000_000
 
@@ -131,13 +131,42 @@ def test_waiting_ends_with_the_next_set():
     pairing = Pairing(('left',), ('truth',))
     pairing.expect('truth', 10.0)
     feed(pairing, ('left', 1), now=10.0)
-    assert stamps(feed(pairing, ('left', 2), now=10.01)) == [1]
+    assert stamps(feed(pairing, ('left', 2), now=10.01)) == [1, 2]  # and the truth is out of step
 
 
 def test_an_optional_topic_that_falls_silent_is_no_longer_waited_for():
     pairing = Pairing(('left',), ('truth',))
     feed(pairing, ('truth', 1), ('left', 1), now=10.0)
     assert stamps(feed(pairing, ('left', 2), now=10.0 + ALIVE_S)) == [2]
+
+
+def test_an_optional_topic_out_of_step_is_not_waited_for_until_it_is_back():
+    """A camera_info that comes once a second must not hold up the images between."""
+    pairing = Pairing(('left',), ('info',))
+    assert stamps(feed(pairing, ('info', 1), ('left', 1), now=10.0)) == [1]
+    assert feed(pairing, ('left', 2), now=10.01) == []  # in step: it is waited for
+    assert stamps(pairing.release(10.01 + GRACE_S)) == [2]
+    assert stamps(feed(pairing, ('left', 3), now=10.3)) == [3]
+    assert feed(pairing, ('info', 3), now=10.31) == []  # late, but before the next image
+    assert feed(pairing, ('left', 4), now=10.33) == []
+    ready = feed(pairing, ('info', 4), now=10.34)
+    assert set(ready[0].messages) == {'left', 'info'}
+
+
+def test_messages_are_kept_for_their_age_within_a_number_of_bytes(monkeypatch):
+    pairing = Pairing(('left', 'map'), queue_size=2, keep_s=3.0)
+    for stamp in range(60):  # two seconds at 30 a second
+        feed(pairing, ('left', stamp), now=stamp / 30)
+    assert stamps(feed(pairing, ('map', 5), now=2.0)) == [5]
+    feed(pairing, ('left', 60), now=10.0)
+    assert list(pairing.topics['left'].queue) == [59, 60]
+    monkeypatch.setattr('stereo_refine_ros.pairing.MOST_BYTES', 250)
+
+    class Message:
+        data = bytes(100)
+    for stamp in range(100, 110):
+        pairing.add('left', stamp, Message(), 10.0)
+    assert list(pairing.topics['left'].queue) == [108, 109]
 
 
 @settings(max_examples=200, deadline=None)

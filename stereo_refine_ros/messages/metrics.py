@@ -34,7 +34,7 @@ def decimal(value: float) -> str:
 
 
 def metrics_message(header: Header, name: str, hardware_id: str, figures: Mapping[str, float],
-                    is_degraded: bool) -> DiagnosticArray:
+                    level: bytes, text: str) -> DiagnosticArray:
     """
     Build the metrics message of one frame.
 
@@ -46,15 +46,14 @@ def metrics_message(header: Header, name: str, hardware_id: str, figures: Mappin
         Of the status.
     figures : mapping of str to float
         Values by key.
-    is_degraded : bool
-        The disparity went out unrefined because the refinement kept failing.
+    level : bytes
+        Of the status.
+    text : str
+        What is wrong with the frame and what to do.
 
     """
     status = DiagnosticStatus(
-        level=DiagnosticStatus.ERROR if is_degraded else DiagnosticStatus.OK,
-        name=name, hardware_id=hardware_id,
-        message='refinement failed: disparity is the preliminary one' if is_degraded
-        else 'refined',
+        level=level, name=name, hardware_id=hardware_id, message=text,
         values=[KeyValue(key=key, value=decimal(value)) for key, value in figures.items()])
     message = DiagnosticArray(status=[status])
     message.header.stamp, message.header.frame_id = header.stamp, header.frame_id

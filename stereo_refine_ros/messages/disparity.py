@@ -32,13 +32,15 @@ from numpy.typing import NDArray
 from std_msgs.msg import Header
 from stereo_msgs.msg import DisparityImage
 
+from stereo_refine_ros.camera_info import BASELINE_M, FOCAL_PX, is_within
 from stereo_refine_ros.encodings import BadMessage, check_layout, pixels_of
-from stereo_refine_ros.node.camera import BASELINE_M, FOCAL_PX, is_within
-from stereo_refine_ros.node.conversions import fill_image
+from stereo_refine_ros.messages.images import fill_image
 from stereo_refine_ros.types import DisparityMap, FloatMap, StereoGeometry
 
 DELTA_D = 1.0 / 16.0  # the step of OpenCV's matchers; refined values are finer
 _PLAUSIBLE_PX = 1e5
+_ODD_SHARE = 0.01  # of a negated map that may be positive
+_ENCODINGS = {'32FC1': 'f4', '16SC1': 'i2', '16UC1': 'u2'}
 
 
 def invalid_value(disparity: DisparityMap, geometry: StereoGeometry) -> float:
@@ -109,19 +111,25 @@ class ReceivedDisparity:
 
 def check_disparity(name: str, message: DisparityImage) -> None:
     """Check what a DisparityImage says about its data; raise BadMessage otherwise."""
-    if message.image.encoding != '32FC1':
+    encoding = message.image.encoding
+    if encoding not in _ENCODINGS:
         raise BadMessage(
-            'encoding', f'{name}: encoding {message.image.encoding[:40]!r} is not 32FC1')
-    check_layout(name, message.image, 4)
+            'encoding', f'{name}: encoding {encoding[:40]!r} is none of {", ".join(_ENCODINGS)}')
+    check_layout(name, message.image, np.dtype(_ENCODINGS[encoding]).itemsize)
+    if encoding != '32FC1' and not 0.0 < message.delta_d <= 1.0:
+        raise BadMessage(
+            'delta_d', f'{name}: {encoding} needs delta_d, the pixels that 1 stands for; it is '
+            f'{message.delta_d:g}')
 
 
 def read_disparity(name: str, message: DisparityImage) -> ReceivedDisparity:
     """
-    Read a DisparityImage, tolerant of the ways in which drivers mark invalid pixels.
+    Read a DisparityImage, tolerant of the ways in which drivers write it.
 
-    Invalid is what is not finite or below the declared range; zeros as well, unless the range
-    includes 0 and another mark is in use. A wrong `is_bigendian` is seen by values that make no
-    sense in that byte order. The baseline's sign is dropped.
+    Whole numbers are steps of delta_d. Invalid is what is not finite or below the declared
+    range; zeros as well, unless the range includes 0 and another mark is in use. Where all that
+    is valid is negative, the sign is dropped, of the range as well. A wrong `is_bigendian` is
+    seen by values that make no sense in that byte order. The baseline's sign is dropped.
 
     Raises
     ------
@@ -130,8 +138,11 @@ def read_disparity(name: str, message: DisparityImage) -> ReceivedDisparity:
 
     """
     check_disparity(name, message)
-    raw = _floats(message)
+    raw = _pixels(message)
     low, high = _declared_range(message)
+    if _is_negated(raw):
+        raw = -raw
+        low, high = (-high, -low) if high <= 0 else (low, high)
     with np.errstate(invalid='ignore'):
         unusable = ~np.isfinite(raw) | (np.abs(raw) > _PLAUSIBLE_PX)
         if math.isfinite(low):
@@ -152,6 +163,27 @@ def resize_disparity(values: FloatMap, width: int, height: int) -> FloatMap:
     return resized.reshape(height, width) * np.float32(width / values.shape[1])
 
 
+def _pixels(message: DisparityImage) -> FloatMap:
+    """Return the pixels as disparities, whatever marks the invalid ones."""
+    encoding = message.image.encoding
+    if encoding == '32FC1':
+        return _floats(message)
+    order = '>' if message.image.is_bigendian else '<'
+    steps = pixels_of(message.image, 1, np.dtype(f'{order}{_ENCODINGS[encoding]}'))
+    return steps.astype(np.float32) * np.float32(message.delta_d)
+
+
+def _is_negated(raw: FloatMap) -> bool:
+    """Whether a map has many different negative values and hardly a positive one (ZED)."""
+    with np.errstate(invalid='ignore'):
+        plausible = np.abs(raw) <= _PLAUSIBLE_PX
+        negative = raw[plausible & (raw < 0)]
+        positive = np.count_nonzero(plausible & (raw > 0))
+    # One negative value alone is the mark of invalid pixels.
+    return negative.size > 0 and positive < _ODD_SHARE * negative.size and (
+        negative.min() < negative.max())
+
+
 def _floats(message: DisparityImage) -> FloatMap:
     native = '>' if sys.byteorder == 'big' else '<'
     declared = '>' if message.image.is_bigendian else '<'
@@ -170,7 +202,7 @@ def _plausible_count(values: NDArray) -> int:
 
 
 def _declared_range(message: DisparityImage) -> tuple[float, float]:
-    low, high = float(message.min_disparity), float(message.max_disparity)
+    low, high = sorted((float(message.min_disparity), float(message.max_disparity)))
     if -_PLAUSIBLE_PX <= low < high <= _PLAUSIBLE_PX:
         return low, high
     return math.nan, math.nan

@@ -12,24 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Publish stereo pairs or a rosbag2 as messages: `replay --help` tells the options."""
+"""The command line of `replay`, and the scenes that it asks for."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
-import signal
-import sys
 
-from stereo_refine_ros.datasets.folder import iterate_folder, list_pairs
+from stereo_refine_ros.datasets.folder import (
+    iterate_folder, iterate_globs, list_pairs, match_globs)
 from stereo_refine_ros.datasets.middlebury import load_scene
 from stereo_refine_ros.datasets.scene import Scene
 from stereo_refine_ros.datasets.synthetic import render_scene
-from stereo_refine_ros.shared_memory import fit_to_host
+from stereo_refine_ros.replay.keyboard import HELP
 
+DEFAULT_RATE_HZ = 5.0
 _DEFAULT_SCENE = 'cones'
-_DEFAULT_RATE_HZ = 5.0
+_CLOCK_HZ = 100.0
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -42,28 +42,49 @@ def build_parser() -> argparse.ArgumentParser:
     source.add_argument('--scene', metavar='NAME[,NAME]', help='Middlebury scenes (default: '
                         f'{_DEFAULT_SCENE}); downloaded to the cache where not found')
     source.add_argument('--folder', metavar='DIR', help='left/ and right/ with equal file names, '
-                        'or NAME_left.* and NAME_right.*')
+                        'NAME_left.* and NAME_right.*, KITTI, EuRoC (raw pairs are rectified) ...')
+    source.add_argument('--left', metavar='GLOB', help='images of the left camera, in the order '
+                        'of their names; with --right')
     source.add_argument('--synthetic', action='store_true',
                         help='the built-in scene of slanted planes with exact ground truth')
-    source.add_argument('--bag', metavar='PATH', help='rosbag2 folder, mcap or sqlite3; '
-                        'publishes /clock too')
+    source.add_argument('--bag', metavar='PATH', help='rosbag2 folder, mcap or sqlite3')
+    parser.add_argument('--right', metavar='GLOB', help='images of the right camera')
     parser.add_argument('--data', metavar='DIR', help='folder of the Middlebury scenes '
                         '(default: STEREO_REFINE_DATA, ../shared, the cache)')
-    parser.add_argument('--rate', type=_positive, metavar='R', help='pairs a second (default: '
-                        f'{_DEFAULT_RATE_HZ:g}); with --bag the speed factor (default: 1)')
+    parser.add_argument('-r', '--rate', type=_positive, metavar='R', help='pairs a second '
+                        f'(default: {DEFAULT_RATE_HZ:g}); with --bag the speed factor '
+                        '(default: 1)')
     repeat = parser.add_mutually_exclusive_group()
     repeat.add_argument('--once', dest='loops', action='store_const', const=1, default=1,
                         help='play through once (the default)')
-    repeat.add_argument('--loop', dest='loops', type=_count, nargs='?', const=0, metavar='N',
+    repeat.add_argument('-l', '--loop', dest='loops', type=_count, nargs='?', const=0, metavar='N',
                         help='play N times over, without N for ever')
     parser.add_argument('--encoding', choices=('bgr8', 'mono8'), default='bgr8',
                         help='of the images (not with --bag)')
-    parser.add_argument('--topics', metavar='A,B', default='',
-                        help='with --bag: publish only these recorded topics')
     parser.add_argument('--wait', type=_seconds, default=5.0, metavar='S', help='longest wait '
                         'for subscribers before the first message, 0 for none (default: 5)')
     parser.add_argument('--seed', type=_count, default=0, help='of the synthetic scene')
+    _add_bag_options(parser.add_argument_group('with --bag, as ros2 bag play has them'))
     return parser
+
+
+def _add_bag_options(group: argparse._ArgumentGroup) -> None:
+    group.add_argument('--topics', metavar='A', type=_names, nargs='+', default=[],
+                       help='publish only these recorded topics')
+    group.add_argument('--exclude-topics', metavar='A', type=_names, nargs='+', default=[],
+                       help='do not publish these recorded topics')
+    group.add_argument('--start-offset', type=_seconds, default=0.0, metavar='S',
+                       help='begin so many seconds into the bag')
+    group.add_argument('--playback-duration', type=_seconds, default=0.0, metavar='S',
+                       help='end after so many seconds of the bag, 0 for its end')
+    group.add_argument('--delay', type=_seconds, default=0.0, metavar='S',
+                       help='wait so long before the first message')
+    group.add_argument('--clock', type=_positive, nargs='?', const=_CLOCK_HZ, default=0.0,
+                       metavar='HZ', help='publish the time of the bag on /clock, for nodes with '
+                       f'use_sim_time (HZ default: {_CLOCK_HZ:g})')
+    group.add_argument('-p', '--start-paused', action='store_true', help='begin paused')
+    group.add_argument('--disable-keyboard-controls', action='store_true',
+                       help=f'on a terminal, {HELP}')
 
 
 def scene_source(options: argparse.Namespace) -> Callable[[], Iterable[Scene]]:
@@ -76,6 +97,11 @@ def scene_source(options: argparse.Namespace) -> Callable[[], Iterable[Scene]]:
         When there is nothing to play.
 
     """
+    if bool(options.left) != bool(options.right):
+        raise ValueError('--left GLOB and --right GLOB go together')
+    if options.left:
+        match_globs(options.left, options.right)
+        return partial(iterate_globs, options.left, options.right)
     if options.folder:
         list_pairs(options.folder)
         return partial(iterate_folder, options.folder)
@@ -87,42 +113,13 @@ def scene_source(options: argparse.Namespace) -> Callable[[], Iterable[Scene]]:
     return lambda: scenes
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run `replay`; return the exit status."""
-    # Late, so that the choice of scenes can be used where there is no ROS.
-    import rclpy
-    from rclpy.executors import ExternalShutdownException
-    from rclpy.utilities import remove_ros_args
-
-    arguments = list(sys.argv if args is None else ['replay', *args])
-    options = build_parser().parse_args(remove_ros_args(arguments)[1:])
-    fit_to_host(lambda text: print(f'replay: {text}', file=sys.stderr))
-    rclpy.init(args=arguments)
-    try:
-        count = _play(options)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        return 0
-    except (OSError, ValueError) as error:
-        print(f'replay: {error}', file=sys.stderr)
-        return 1
-    finally:
-        # A second SIGINT, as `ros2 launch` sends it, must not break the clean end.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        rclpy.try_shutdown()
-    print(f'replay: published {count} {"messages" if options.bag else "pairs"}')
-    return 0
+def chosen_topics(options: list[list[str]]) -> list[str]:
+    """Flatten what `--topics A,B C` gives."""
+    return [name for names in options for name in names]
 
 
-def _play(options: argparse.Namespace) -> int:
-    if options.bag:
-        from stereo_refine_ros.node.bag_player import BagPlayer
-        topics = [topic for topic in options.topics.split(',') if topic]
-        bag_player = BagPlayer(options.bag, topics)
-        return bag_player.play(options.rate or 1.0, options.loops, options.wait)
-    scenes = scene_source(options)
-    from stereo_refine_ros.node.scene_player import ScenePlayer
-    player = ScenePlayer(options.encoding)
-    return player.play(scenes, options.rate or _DEFAULT_RATE_HZ, options.loops, options.wait)
+def _names(text: str) -> list[str]:
+    return [name for name in text.split(',') if name]
 
 
 def _positive(text: str) -> float:
@@ -144,7 +141,3 @@ def _count(text: str) -> int:
     if value < 0:
         raise argparse.ArgumentTypeError(f'{text} is negative')
     return value
-
-
-if __name__ == '__main__':
-    sys.exit(main())

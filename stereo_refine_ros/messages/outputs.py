@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
-from stereo_refine_ros.node.conversions import fill_image
+from stereo_refine_ros.messages.images import fill_image
 from stereo_refine_ros.types import DisparityMap, FloatMap, Image as Pixels, StereoGeometry
 
 POINT_STEP = 16  # x, y, z, rgb

@@ -1,0 +1,87 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Publish stereo pairs or a rosbag2 as messages: `replay --help` tells the options."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import os
+import signal
+import sys
+
+from stereo_refine_ros.dds_profile import profile_variables
+from stereo_refine_ros.params import preset_path
+from stereo_refine_ros.replay.keyboard import Keyboard
+from stereo_refine_ros.replay.options import (
+    build_parser, chosen_topics, DEFAULT_RATE_HZ, scene_source)
+from stereo_refine_ros.replay.timeline import Timeline
+from stereo_refine_ros.shared_memory import fit_to_host
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run `replay`; return the exit status."""
+    # Late: the middleware reads its variables when it is loaded.
+    _give_images_room()
+    import rclpy
+    from rclpy.executors import ExternalShutdownException
+    from rclpy.utilities import remove_ros_args
+
+    arguments = list(sys.argv if args is None else ['replay', *args])
+    options = build_parser().parse_args(remove_ros_args(arguments)[1:])
+    fit_to_host(lambda text: print(f'replay: {text}', file=sys.stderr))
+    rclpy.init(args=arguments)
+    try:
+        count = _play(options)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 0
+    except (OSError, ValueError) as error:
+        print(f'replay: {error}', file=sys.stderr)
+        return 1
+    finally:
+        # A second SIGINT, as `ros2 launch` sends it, must not break the clean end.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        rclpy.try_shutdown()
+    print(f'replay: published {count} {"messages" if options.bag else "pairs"}')
+    return 0
+
+
+def _play(options: argparse.Namespace) -> int:
+    if options.bag:
+        from stereo_refine_ros.replay.bag_player import BagPlayer, Excerpt
+        excerpt = Excerpt(
+            tuple(chosen_topics(options.topics)), tuple(chosen_topics(options.exclude_topics)),
+            options.start_offset, options.playback_duration)
+        timeline = Timeline(options.rate or 1.0, options.start_paused)
+        with Keyboard(not options.disable_keyboard_controls) as keyboard:
+            return BagPlayer(options.bag, excerpt, timeline, keyboard, options.clock).play(
+                options.loops, options.wait, options.delay)
+    scenes = scene_source(options)
+    from stereo_refine_ros.replay.scene_player import ScenePlayer
+    player = ScenePlayer(options.encoding)
+    return player.play(scenes, options.rate or DEFAULT_RATE_HZ, options.loops, options.wait)
+
+
+def _give_images_room() -> None:
+    """Use the Fast DDS profile that this package ships, unless something else is chosen."""
+    try:
+        config = preset_path('live').parent
+    except FileNotFoundError:
+        return
+    os.environ.update(profile_variables(config, os.environ))
+
+
+if __name__ == '__main__':
+    sys.exit(main())
