@@ -197,7 +197,8 @@ def _projection_length(messages: Messages, rng: np.random.Generator) -> None:
 
 
 def _stamp_of_image(messages: Messages, rng: np.random.Generator) -> None:
-    _stamp_apart(_either_image(messages, rng), rng)
+    # Always of the right one: a left one of an earlier set would fit its stamp.
+    _stamp_apart(messages[RIGHT], rng)
 
 
 def _stamp_of_info(messages: Messages, rng: np.random.Generator) -> None:
