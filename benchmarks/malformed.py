@@ -186,7 +186,11 @@ def _principal_point(messages: Messages, rng: np.random.Generator) -> None:
 
 def _baseline(messages: Messages, rng: np.random.Generator) -> None:
     messages[RIGHT_INFO].p[3] = pick(
-        rng, (0.0, 1.0, 20.0, 1e300, -1e300, -5e-324, *map(float, ('nan', 'inf', '-inf'))))
+        rng, (1.0, 20.0, 1e300, -1e300, *map(float, ('nan', 'inf', '-inf'))))
+
+
+def _no_baseline(messages: Messages, rng: np.random.Generator) -> None:
+    messages[RIGHT_INFO].p[3] = pick(rng, (0.0, -5e-324))
 
 
 def _projection_length(messages: Messages, rng: np.random.Generator) -> None:
@@ -194,9 +198,18 @@ def _projection_length(messages: Messages, rng: np.random.Generator) -> None:
     message.p = [100.0] * int(rng.integers(12))
 
 
-def _stamp_of_one(messages: Messages, rng: np.random.Generator) -> None:
-    """Set one stamp apart: at 0, in the past, in the future, or nearly right."""
-    stamp = messages[pick(rng, list(messages))].header.stamp
+def _stamp_of_image(messages: Messages, rng: np.random.Generator) -> None:
+    # Always of the right one: a left one of an earlier set would fit its stamp.
+    _stamp_apart(messages[RIGHT], rng)
+
+
+def _stamp_of_info(messages: Messages, rng: np.random.Generator) -> None:
+    _stamp_apart(_either_info(messages, rng), rng)
+
+
+def _stamp_apart(message: Any, rng: np.random.Generator) -> None:
+    """Set a stamp apart: at 0, in the past, in the future, or nearly right."""
+    stamp = message.header.stamp
     stamp.sec, stamp.nanosec = pick(rng, (
         (0, 0), (stamp.sec, stamp.nanosec + 1), (2 ** 31 - 1, 999_999_999),
         (-2 ** 31, 0), (stamp.sec, 2 ** 32 - 1), (max(0, stamp.sec - 3600), stamp.nanosec)))
@@ -257,10 +270,12 @@ HARMFUL: dict[str, Defect] = {
     'encoding': _encoding, 'wider encoding': _wider_encoding, 'empty': _empty,
     'absurd size': _absurd_size, 'short step': _short_step, 'long step': _long_step,
     'truncated': _truncated, 'oversized': _oversized, 'sizes differ': _sizes_differ,
-    'camera_info size': _info_size, 'focal length': _focal_length,
-    'principal point': _principal_point, 'baseline': _baseline,
-    'length of P': _projection_length, 'one stamp': _stamp_of_one}
+    'camera_info size': _info_size, 'baseline': _baseline, 'one stamp': _stamp_of_image}
+# Without a usable calibration the disparity comes, without depth.
 HARMLESS: dict[str, Defect] = {
+    'focal length': _focal_length, 'principal point': _principal_point,
+    'no baseline': _no_baseline, 'length of P': _projection_length,
+    'stamp of camera_info': _stamp_of_info,
     'padding': _padding, 'unused fields': _unused_fields, 'byte order': _byte_order,
     'noise': _noise, 'constant': _constant, '16 bits': _sixteen_bits,
     'odd stamp': _odd_stamp}

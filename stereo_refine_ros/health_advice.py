@@ -25,6 +25,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
+import math
 
 from stereo_refine_ros.types import PairHealth
 
@@ -74,6 +75,8 @@ class Observation:
         The camera_info of images that should be rectified has a D that is not zero.
     is_external : bool
         The disparity came from another matcher.
+    rows_are_corrected : bool
+        Rows that are off are put right before matching.
 
     """
 
@@ -82,22 +85,27 @@ class Observation:
     frozen: str = ''
     has_distortion: bool = False
     is_external: bool = False
+    rows_are_corrected: bool = True
 
 
-# name: value, unit - what lies beyond it; figures of the healthy scenes are in the tests.
-BLACK_CONTRAST = 1.5  # grey levels: a view below it shows nothing
-DIM_CONTRAST = 0.25  # ratio to the other view: below it, with few matches, a covered lens
-UNRELATED = 0.2  # matched share: below it the views do not show one scene
-DOUBTFUL = 0.35  # matched share: below it rectification is to be checked
-RAW = 0.55  # matched share: below it images whose camera_info has distortion may be raw
-RAW_ROWS_PX = 3.0  # px between the rows, where known: no calibrated pair is so far off
-OTHERWISE_BETTER = 1.5  # times more matches with the right view turned over or exchanged
-OTHERWISE_LEAST = 0.25  # matched share that such a look has to reach
-ROWS_OFF_PX = 0.5  # px between the rows of the views
-GAIN = 1.25  # brightness of one view over that of the other
-SHARPNESS = 0.5  # detail of the blurrier view over that of the other
+# Value and unit; then what healthy and broken pairs of the lab and field scenes have. `matched`
+# is PairHealth's coarse look, `lr` the share that passed the left-right check at full size.
+BLACK_CONTRAST = 1.5  # grey levels; dark pairs (x 0.12) 4 and more, a black view 0
+DIM_CONTRAST = 0.35  # of the other view; healthy 0.9 and more, covered or fogged 0.05 to 0.25
+UNRELATED = 0.2  # lr; views of two scenes 0.02 to 0.08, noise of 10 levels also 0.06
+DOUBTFUL = 0.35  # lr; healthy 0.39 and more, dark 0.27 and more
+RELATED = 0.37  # matched; healthy, dark and noisy 0.41 and more, put together wrongly 0 to 0.33
+OTHERWISE_LEAST = 0.45  # matched otherwise; truly so 0.57 to 0.94, healthy up to 0.39
+OTHERWISE_BETTER = 1.5  # times `matched`
+RAW = 0.55  # lr; EuRoC's raw pairs 0.45
+RAW_ROWS_PX = 3.0  # px, where known: no calibrated pair is so far off
+ROWS_OFF_PX = 0.5  # px, where they are not put right: matching suffers from there on
+ROWS_FAR_OFF_PX = 2.5  # px, where they are put right: KITTI 1.4 to 2.0, OAK up to 1.0
+GAIN = 1.25  # brightness of one view over the other; healthy 0.94 to 1.17
+SHARPNESS = 0.65  # detail of the blurrier view; healthy 0.80 and more, blur of 1 px 0.25 to 0.43
 AT_THE_END = 0.1  # share of the matches at the last disparities of the range
 GIVEN_AGREES = 0.3  # share of the sure matches on which an external map agrees
+NOISY = 5.0  # grey levels; healthy 0.3 to 1.9
 
 FRAMES_LOOKED_AT = 5
 FRAMES_NEEDED = 3
@@ -105,9 +113,9 @@ FRAMES_NEEDED = 3
 
 def advise(seen: Observation) -> list[Advice]:
     """Judge one frame: what is wrong, the worst first; nothing for a healthy frame."""
-    found = _dead_view(seen) or _wrong_view(seen)
+    found = _dead_view(seen) or _wrong_view(seen) or _unrelated(seen)
     if not found:
-        found = [*_unrelated(seen), *_misaligned(seen), *_lenses(seen.health)]
+        found = [*_hardly_matching(seen), *_misaligned(seen), *_lenses(seen.health)]
     return sorted([*found, *_external(seen)], key=lambda advice: -advice.level)
 
 
@@ -160,41 +168,58 @@ def _wrong_view(seen: Observation) -> list[Advice]:
     if health.is_same_image:
         return [Advice('same_image', Level.ERROR, (
             'left and right are the same image: remap right/image_rect to the right camera'))]
-    for key, ratio, text in (
-            ('upside_down', health.upside_down_ratio, (
-                'the right image is upside down: turn the camera or its image by 180 degrees '
-                '(in the driver), and calibrate again')),
-            ('exchanged', health.swapped_ratio, (
-                'left and right are exchanged: swap the topics, or the cables'))):
-        if ratio >= OTHERWISE_LEAST and ratio > OTHERWISE_BETTER * health.matched_ratio:
-            return [Advice(key, Level.ERROR, text)]
+    ratio, key, text = max(
+        (_known(health.upside_down_ratio), 'upside_down', (
+            'the right image is upside down: turn the camera or its image by 180 degrees (in the '
+            'driver), and calibrate again')),
+        (_known(health.swapped_ratio), 'exchanged', (
+            'left and right are exchanged: swap the topics, or the cables')))
+    as_is = seen.lr_consistent_ratio if math.isnan(health.matched_ratio) else health.matched_ratio
+    if ratio >= OTHERWISE_LEAST and ratio > OTHERWISE_BETTER * as_is:
+        return [Advice(key, Level.ERROR, text)]
     return []
 
 
-def _unrelated(seen: Observation) -> Iterator[Advice]:
-    ratio = seen.lr_consistent_ratio
-    share = f'only {100 * ratio:.0f} % of the pixels match between left and right'
-    rows_off = seen.health.row_offset_px
-    if ratio < RAW and seen.has_distortion and not rows_off < RAW_ROWS_PX:
+def _unrelated(seen: Observation) -> list[Advice]:
+    """Find views of two scenes."""
+    if not seen.lr_consistent_ratio < UNRELATED or seen.health.matched_ratio >= RELATED:
+        return []
+    if _looks_raw(seen):
+        return []
+    return [Advice('unrelated', Level.ERROR, (
+        f'{_share(seen)}: the images do not show one scene; check that both topics are of one '
+        'stereo camera, that it is synchronised, and its calibration'))]
+
+
+def _hardly_matching(seen: Observation) -> Iterator[Advice]:
+    health = seen.health
+    if _looks_raw(seen):
         yield Advice('raw', Level.WARN, (
-            f'{share} and camera_info has distortion: the images look raw; publish rectified '
-            'ones (image_proc), or set inputs.rectify to true'))
-    elif ratio < UNRELATED:
-        yield Advice('unrelated', Level.ERROR, (
-            f'{share}: the images do not show one scene; check that both topics are of one '
-            'stereo camera, that it is synchronised, and its calibration'))
-    elif ratio < DOUBTFUL and not rows_off >= ROWS_OFF_PX:
+            f'{_share(seen)} and camera_info has distortion: the images look raw; publish '
+            'rectified ones (image_proc), or set inputs.rectify to true'))
+    elif seen.lr_consistent_ratio < DOUBTFUL and health.noise_sigma > NOISY:
+        yield Advice('noisy', Level.WARN, (
+            f'{_share(seen)}, the noise is {health.noise_sigma:.0f} grey levels: give more '
+            'light or a longer exposure, and less gain'))
+    elif seen.lr_consistent_ratio < DOUBTFUL and not (
+            health.matched_ratio >= RELATED or health.row_offset_px >= ROWS_OFF_PX):
         yield Advice('doubtful', Level.WARN, (
-            f'{share}: check that the images are rectified, exposure, and '
+            f'{_share(seen)}: check that the images are rectified, exposure, and '
             'matching.min_disparity / num_disparities'))
+
+
+def _looks_raw(seen: Observation) -> bool:
+    return (seen.lr_consistent_ratio < RAW and seen.has_distortion
+            and not seen.health.row_offset_px < RAW_ROWS_PX)
 
 
 def _misaligned(seen: Observation) -> Iterator[Advice]:
     health = seen.health
-    if health.row_offset_px >= ROWS_OFF_PX:
+    limit = ROWS_FAR_OFF_PX if seen.rows_are_corrected else ROWS_OFF_PX
+    if health.row_offset_px >= limit and not _looks_raw(seen):
         yield Advice('rows_off', Level.WARN, (
-            f'the rows of left and right are {health.row_offset_px:.1f} px apart: calibrate the '
-            'cameras again; until then leave rectification.correct on'))
+            f'the rows of left and right are up to {health.row_offset_px:.1f} px apart: calibrate '
+            'the cameras again; until then keep rectification.correct true'))
     if health.last_disparity_ratio >= AT_THE_END:
         yield Advice('too_near', Level.WARN, (
             f'{100 * health.last_disparity_ratio:.0f} % of the matches are at the end of the '
@@ -225,6 +250,15 @@ def _external(seen: Observation) -> Iterator[Advice]:
             'preliminary/disparity does not fit these images (agrees with '
             f'{100 * seen.health.given_agreement:.0f} % of the sure matches): check that it is of '
             'this camera and stamp, that its unit is px, and its sign (positive is near)'))
+
+
+def _share(seen: Observation) -> str:
+    ratio = seen.lr_consistent_ratio
+    return f'only {100 * ratio:.0f} % of the pixels match between left and right'
+
+
+def _known(ratio: float) -> float:
+    return 0.0 if math.isnan(ratio) else ratio
 
 
 def _ratio(first: float, second: float) -> float:

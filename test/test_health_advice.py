@@ -31,8 +31,9 @@ GOOD = {'row_offset_px': 0.2, 'gain_ratio': 1.05, 'noise_sigma': 1.5, 'matched_r
         'contrast_right': 44.0, 'given_agreement': 0.9}
 
 
-def seen(ratio=0.85, frozen='', distortion=False, external=False, **health):
-    return Observation(PairHealth(**{**GOOD, **health}), ratio, frozen, distortion, external)
+def seen(ratio=0.85, frozen='', distortion=False, external=False, corrected=True, **health):
+    return Observation(
+        PairHealth(**{**GOOD, **health}), ratio, frozen, distortion, external, corrected)
 
 
 def said(observation):
@@ -41,7 +42,10 @@ def said(observation):
 
 @pytest.mark.parametrize('observation', [
     seen(), seen(distortion=True), seen(0.4), seen(0.56, distortion=True),
-    seen(external=True), seen(row_offset_px=0.49), seen(gain_ratio=0.8), seen(gain_ratio=1.25),
+    seen(0.27, matched_ratio=0.44), seen(0.08, matched_ratio=0.74, noise_sigma=4.9),
+    seen(external=True), seen(row_offset_px=2.03), seen(corrected=False, row_offset_px=0.49),
+    seen(0.39, matched_ratio=0.57, upside_down_ratio=0.42, swapped_ratio=0.39),
+    seen(gain_ratio=0.8), seen(gain_ratio=1.25),
     seen(contrast_left=4.0, contrast_right=4.2), seen(last_disparity_ratio=0.09),
     seen(given_agreement=0.0), seen(float('nan'), external=True),
     seen(0.6, contrast_left=10.0, contrast_right=50.0),
@@ -61,12 +65,23 @@ def test_what_is_well_is_left_alone(observation):
     (seen(0.1, matched_ratio=0.1, upside_down_ratio=0.6), 'upside_down', Level.ERROR, '180'),
     (seen(0.12, matched_ratio=0.12, swapped_ratio=0.7), 'exchanged', Level.ERROR,
      'swap the topics'),
-    (seen(0.11), 'unrelated', Level.ERROR, 'only 11 % of the pixels match'),
+    (seen(0.83, matched_ratio=0.04, swapped_ratio=0.63), 'exchanged', Level.ERROR,
+     'swap the topics'),
+    (seen(0.05, matched_ratio=0.33, swapped_ratio=0.85, upside_down_ratio=0.5), 'exchanged',
+     Level.ERROR, 'swap the topics'),
+    (seen(0.11, matched_ratio=float('nan'), upside_down_ratio=0.6), 'upside_down', Level.ERROR,
+     '180'),
+    (seen(0.11, matched_ratio=0.2), 'unrelated', Level.ERROR, 'only 11 % of the pixels match'),
+    (seen(0.06, noise_sigma=9.5, matched_ratio=0.49), 'noisy', Level.WARN,
+     'the noise is 10 grey levels'),
+    (seen(0.15, distortion=True, matched_ratio=0.2, row_offset_px=9.0, corrected=True), 'raw',
+     Level.WARN, 'set inputs.rectify'),
     (seen(0.45, distortion=True, row_offset_px=float('nan')), 'raw', Level.WARN,
      'set inputs.rectify'),
-    (seen(0.3), 'doubtful', Level.WARN, 'check that the images are rectified'),
+    (seen(0.3, matched_ratio=float('nan')), 'doubtful', Level.WARN,
+     'check that the images are rectified'),
     (seen(0.39, row_offset_px=3.04), 'rows_off', Level.WARN, '3.0 px apart: calibrate'),
-    (seen(row_offset_px=0.5), 'rows_off', Level.WARN, '0.5 px apart'),
+    (seen(corrected=False, row_offset_px=0.5), 'rows_off', Level.WARN, '0.5 px apart'),
     (seen(gain_ratio=0.79), 'gain', Level.WARN, '0.79 times as bright'),
     (seen(gain_ratio=1.26), 'gain', Level.WARN, '1.26 times as bright'),
     (seen(sharpness_ratio=0.3), 'blurred', Level.WARN, 'dirty, fogged'),
@@ -84,7 +99,10 @@ def test_causes_silence_their_symptoms_and_the_worst_comes_first():
     dead = seen(0.07, contrast_right=0.2, row_offset_px=9.0, gain_ratio=0.01, external=True,
                 given_agreement=0.0)
     assert [key for key, *_ in said(dead)] == ['black', 'given_wrong']
-    assert [key for key, *_ in said(seen(0.1, gain_ratio=2.0))] == ['unrelated', 'gain']
+    assert [key for key, *_ in said(seen(0.1, gain_ratio=2.0, matched_ratio=0.1))] == [
+        'unrelated']
+    assert [key for key, *_ in said(seen(gain_ratio=2.0, sharpness_ratio=0.5))] == [
+        'gain', 'blurred']
     assert [key for key, *_ in said(seen(gain_ratio=2.0, external=True, given_agreement=0.0))
             ] == ['given_wrong', 'gain']
 

@@ -38,7 +38,7 @@ class PairWatch:
         seen = Observation(
             result.health, result.lr_consistent_ratio, self._frozen(frame.left, frame.right),
             info is not None and any(info.d) and not frame.is_raw,
-            refined.decoded.preliminary is not None)
+            refined.decoded.preliminary is not None, refined.params.rectification.correct)
         return self._settled.add(advise(seen))
 
     def _frozen(self, left: Image, right: Image | None) -> str:

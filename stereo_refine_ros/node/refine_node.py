@@ -109,9 +109,11 @@ class RefineNode(Node):
         self._worker.start()
 
     def stop(self, timeout_s: float) -> bool:
-        """Take no more frames; return whether the worker ended within the time."""
+        """Take no more frames; return whether every thread ended within the time."""
         self._stopping = True
-        return self._worker.stop(timeout_s)
+        end = time.monotonic() + timeout_s
+        return all([part.stop(max(0.0, end - time.monotonic()))
+                    for part in (self._truths, self._worker, self._afterwork)])
 
     # One frame, from its messages to what is made of it.
 

@@ -57,7 +57,17 @@ class TruthDesk(Generic[Frame]):
         self._change = threading.Condition()
         self._frames: deque[tuple[int, Frame, float]] = deque()
         self._truths: dict[int, DisparityImage] = {}
-        threading.Thread(target=self._run, name='truth', daemon=True).start()
+        self._closed = False
+        self._thread = threading.Thread(target=self._run, name='truth', daemon=True)
+        self._thread.start()
+
+    def stop(self, timeout_s: float) -> bool:
+        """Measure no more frames; return whether the thread ended within the time."""
+        with self._change:
+            self._closed = True
+            self._change.notify_all()
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
 
     def add_truth(self, stamp_ns: int, message: DisparityImage) -> None:
         """Keep a truth for the frame of its stamp."""
@@ -71,24 +81,26 @@ class TruthDesk(Generic[Frame]):
     def add_frame(self, stamp_ns: int, frame: Frame) -> None:
         """Leave a frame to be measured."""
         with self._change:
-            self._change.wait_for(lambda: len(self._frames) < 2 * MOST_WAITING)
+            self._change.wait_for(
+                lambda: self._closed or len(self._frames) < 2 * MOST_WAITING)
             self._frames.append((stamp_ns, frame, time.monotonic() + WAIT_S))
             self._change.notify_all()
 
     def _run(self) -> None:
-        while True:
-            frame, truth = self._next()
+        while (found := self._next()) is not None:
             try:
-                self._measure(frame, truth)
+                self._measure(*found)
             except Exception as error:
                 self._on_error(error)
 
-    def _next(self) -> tuple[Frame, DisparityImage | None]:
+    def _next(self) -> tuple[Frame, DisparityImage | None] | None:
         """Wait until the oldest frame has its truth, or need not wait for it any longer."""
         with self._change:
-            self._change.wait_for(lambda: self._frames)
+            self._change.wait_for(lambda: self._closed or self._frames)
+            if self._closed:
+                return None
             stamp_ns, frame, deadline = self._frames[0]
-            while not (stamp_ns in self._truths or len(self._frames) > MOST_WAITING
+            while not (self._closed or stamp_ns in self._truths or len(self._frames) > MOST_WAITING
                        or time.monotonic() >= deadline or not self._is_expected()):
                 self._change.wait(deadline - time.monotonic())
             self._frames.popleft()

@@ -168,16 +168,27 @@ class Afterwork:
     def __init__(self, on_error: Callable[[Exception], None]) -> None:
         """Start the thread."""
         self._on_error = on_error
-        self._tasks: queue.Queue[Callable[[], None]] = queue.Queue(maxsize=1)
-        threading.Thread(target=self._run, name='afterwork', daemon=True).start()
+        self._tasks: queue.Queue[Callable[[], None] | None] = queue.Queue(maxsize=1)
+        self._thread = threading.Thread(target=self._run, name='afterwork', daemon=True)
+        self._thread.start()
 
     def submit(self, task: Callable[[], None]) -> None:
         """Leave a task; wait while another one is waiting."""
         self._tasks.put(task)
 
+    def stop(self, timeout_s: float) -> bool:
+        """Do what is waiting, then end; return whether that was within the time."""
+        end = time.monotonic() + timeout_s
+        try:
+            self._tasks.put(None, timeout=timeout_s)
+        except queue.Full:
+            return False
+        self._thread.join(max(0.0, end - time.monotonic()))
+        return not self._thread.is_alive()
+
     def _run(self) -> None:
-        while True:
+        while (task := self._tasks.get()) is not None:
             try:
-                self._tasks.get()()
+                task()
             except Exception as error:
                 self._on_error(error)

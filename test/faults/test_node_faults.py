@@ -192,7 +192,7 @@ def test_a_subscriber_that_never_reads(node, client):
     reader = subprocess.Popen([sys.executable, '-c', NEVER_READS], stdout=subprocess.PIPE)
     try:
         assert reader.stdout.readline() == b'listening\n'
-        client.until(lambda: client.node.count_subscribers('disparity') == 2, 10.0, 'a reader')
+        client.until(lambda: client.node.count_subscribers('disparity') == 2, 30.0, 'a reader')
         for _ in range(20):
             client.exchange(good_pair())
         os.kill(reader.pid, signal.SIGSTOP)  # now its middleware does not answer either

@@ -34,7 +34,9 @@ def values_of(message):
 
 
 def diagnosis(client):
-    return client.received['/diagnostics'][-1].status[0]
+    found = client.received['/diagnostics']
+    client.until(lambda: found, 10.0, 'a first diagnosis')
+    return found[-1].status[0]
 
 
 def settled_health(client, condition):

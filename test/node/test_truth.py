@@ -82,3 +82,10 @@ def test_a_failing_measurement_costs_itself():
     desk.add_frame(2, 4)
     assert measured.get(timeout=10) == 0.25
     assert isinstance(errors[0], ZeroDivisionError)
+
+
+def test_it_ends_while_a_frame_waits(monkeypatch):
+    monkeypatch.setattr(truth, 'WAIT_S', 3600.0)
+    rig = Desk()
+    rig.desk.add_frame(5, 'frame')
+    assert rig.desk.stop(10.0)

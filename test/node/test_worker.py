@@ -139,3 +139,13 @@ def test_afterwork_keeps_order_and_goes_on_after_an_exception():
     afterwork.submit(done.set)
     assert done.wait(10)
     assert served == [-5, -10, 10, 5] and isinstance(errors[0], ZeroDivisionError)
+    assert afterwork.stop(10)
+
+
+def test_afterwork_that_hangs_does_not_hold_up_the_end():
+    gate = threading.Event()
+    afterwork = Afterwork(lambda _: None)
+    afterwork.submit(gate.wait)
+    assert not afterwork.stop(0.01)
+    gate.set()
+    assert afterwork.stop(10)

@@ -21,8 +21,10 @@ from harness import stereo_messages, textured_pair
 from live_harness import Harness, PAIR
 import numpy as np
 import pytest
+from stereo_msgs.msg import DisparityImage
 
 from stereo_refine_ros.health_advice import FRAMES_LOOKED_AT
+from stereo_refine_ros.node.conversions import fill_image
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.types import PairHealth
 
@@ -40,6 +42,14 @@ def harness():
     made.client.exchange(made.pair(), timeout_s=60.0)
     yield made
     made.close()
+
+
+@pytest.fixture
+def external_harness(harness):
+    assert harness.client.set_atomically(matching__method='external').successful
+    harness.client.connect(['preliminary/disparity'])
+    yield harness
+    assert harness.client.set_atomically(matching__method='scanline').successful
 
 
 @pytest.fixture
@@ -84,8 +94,9 @@ def settle(harness, make_pair, level, text):
      {'upside_down_ratio': 0.7, 'matched_ratio': 0.1, 'lr_consistent_ratio': 0.1}),
     (ERROR, 'left and right are exchanged',
      {'swapped_ratio': 0.7, 'matched_ratio': 0.1, 'lr_consistent_ratio': 0.1}),
-    (ERROR, 'only 11 % of the pixels match', {'lr_consistent_ratio': 0.11}),
-    (WARN, 'the rows of left and right are 3.0 px apart', {'row_offset_px': 3.0}),
+    (ERROR, 'only 11 % of the pixels match',
+     {'lr_consistent_ratio': 0.11, 'matched_ratio': 0.1}),
+    (WARN, 'the rows of left and right are up to 3.0 px apart', {'row_offset_px': 3.0}),
     (WARN, 'the right image is 1.40 times as bright', {'gain_ratio': 1.4}),
     (WARN, 'its lens is dirty', {'sharpness_ratio': 0.2}),
     (WARN, 'things are nearer than it', {'last_disparity_ratio': 0.3})])
@@ -134,3 +145,19 @@ def test_a_right_view_that_shows_something_else_without_any_help(harness, right,
             PAIR[0], views[right], harness.stamp).items() if 'image' in topic}}
     settle(harness, pair, level, '')
     settle(harness, harness.pair, OK, 'refin')
+
+
+@pytest.mark.parametrize('level,text,found', [
+    (ERROR, 'does not fit these images (agrees with 4 %', {'given_agreement': 0.04}),
+    (WARN, 'fits the right image better than the left', {'fits_right_better': True})])
+def test_a_map_that_does_not_belong_to_the_images(external_harness, measured, level, text, found):
+    def pair():
+        sent = external_harness.pair()
+        message = DisparityImage(f=200.0, t=0.1, min_disparity=0.0, max_disparity=15.0)
+        message.header = sent['left/image_rect'].header
+        fill_image(message.image, np.full(PAIR[0].shape[:2], 6.0, np.float32), '32FC1')
+        return {**sent, 'preliminary/disparity': message}
+    measured.update(found)
+    settle(external_harness, pair, level, text)
+    measured.clear()
+    settle(external_harness, pair, OK, 'refin')
