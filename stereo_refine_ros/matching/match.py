@@ -18,17 +18,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stereo_refine_ros.matching.evidence import Evidence
 from stereo_refine_ros.types import DisparityMap, FloatMap
+
+if TYPE_CHECKING:
+    from stereo_refine_ros.matching.scanline import Scan
 
 
 @dataclass(frozen=True, eq=False)
 class Match:
     """
-    A preliminary disparity and the evidence that the refinement may ask.
+    A preliminary disparity, and what its matcher knows beside it.
 
     Attributes
     ----------
@@ -37,20 +40,17 @@ class Match:
     subpixel : float32 ndarray of shape (H, W), or None
         Sub-pixel winner-takes-all disparities that passed the left-right check, NaN elsewhere:
         the data that planes are fitted to. None where `disparity` itself is that.
-    evidence : Evidence, or None
-        The optimised cost volume, where the matcher has it.
+    scan : Scan, or None
+        What the scanline matcher found, where it is the matcher.
     is_own : bool
         Whether a matcher here found it, left-right checked; False for a map from outside.
-    is_trusted : bool
-        Whether a map from outside deserves more belief than the evidence (see `refinement.trust`).
 
     """
 
     disparity: DisparityMap
     subpixel: FloatMap | None = None
-    evidence: Evidence | None = None
+    scan: Scan | None = None
     is_own: bool = True
-    is_trusted: bool = False
 
     @property
     def fit_data(self) -> FloatMap:

@@ -47,3 +47,30 @@ OPENCV_CHECKS = {
 # Memory, bytes for a pixel and a disparity of a cost volume: more is refused than the machine
 # has. At the peak 5.7 were measured: python benchmarks/large_pair.py.
 BYTES_PER_CELL = 8
+
+# Scanline cost, grey levels a pixel: both gradients' differences together count as this at most.
+# benchmarks/field.py, bad % of the preliminary map, KITTI / ETH3D / Middlebury / lab: 10 gives
+# 5.0 / 7.5 / 17.8 / 8.8, 14 gives 4.6 / 7.6 / 18.0 / 9.0.
+GRADIENT_CAP = 14
+# Scanline cost, bits: the differing bits of both censuses together count as this at most.
+# Larger: noise and repetition outvote the rest (28: ETH3D 8.7).
+CENSUS_CAP = 20
+# Scanline cost, pixels: the steps that the two censuses look at. One at stride 1 alone makes
+# 5.8 / 12.9 / 18.4 / 9.0; a second at stride 2 4.7 / 9.0 / 18.3 / 9.3, at 3 4.5 / 8.7 / 18.3 / 9.4.
+CENSUS_STRIDES = (1, 3)
+# Scanline cost, pixels: the blur before the second census. 5x5: lab and Middlebury lose 0.5.
+CENSUS_BLUR = (3, 3)
+# Scanline cost: of a partner outside the right view: worse than a fair match, better than a bad
+# one. Two thirds of the caps' sum.
+OUT_OF_VIEW = 22
+# Scanline penalties P1 and P2, units of cost: along rows, then along columns (floors and tables
+# change their disparity from row to row). Half of these: KITTI 5.8, ETH3D 12.9; 1.4 times: ETH3D
+# 7.1, the rest 0.3 worse.
+PENALTIES = ((55, 147), (33, 114))
+# Scanline penalties, ratio: what is left of them across an edge of the left view, and grey levels
+# that make a step an edge.
+EDGE_FACTOR, EDGE_STEP = 0.25, 20
+# Scanline, parts of the image: matched regions smaller than one part in this many are chance.
+ISLANDS = 3500
+# Scanline, units of cost summed over the paths: what `uniqueness` counts as one.
+UNIQUENESS_UNIT = 100.0
