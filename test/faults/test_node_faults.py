@@ -19,7 +19,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from harness import (
@@ -150,18 +149,13 @@ def test_a_right_camera_that_stops_is_named_and_comes_back(client):
 def test_rates_that_differ(client):
     until_health(client, lambda status: True, 'counters')
     before = client.health()
-    client.received['disparity'].clear()
-    stamps = []
     for i in range(30):
         sent = good_pair()
         if i % 3:
             del sent[RIGHT]
+            client.send(sent)
         else:
-            stamps.append(sent[LEFT].header.stamp)
-        client.send(sent)
-        client.spin(0.03)
-    client.until(lambda: len(client.received['disparity']) >= 10, 10.0, 'every third frame')
-    assert [message.header.stamp for message in client.received['disparity']] == stamps
+            client.exchange(sent)
     client.until(lambda: client.health()['pairs_published'] == before['pairs_published'] + 10,
                  10.0, 'the counters')
     # The last two wait in the queues for a partner that may still come.
@@ -266,7 +260,6 @@ def test_a_thousand_random_parameter_sets(node, client):
 
 def test_every_pair_is_still_accounted_for(client):
     """After all of the above, in the same process."""
-    time.sleep(0.5)
     until_health(client, lambda status: True, 'counters')
     client.until(lambda: client.health()['pairs_in_flight'] == 0, 10.0, 'quiet')
     health = client.health()

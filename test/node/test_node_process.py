@@ -82,12 +82,15 @@ def test_subscribes_only_while_somebody_listens(make_client):
     with running_node():
         client = make_client()
         left = client.publisher('left/image_rect')
-        client.spin(1.0)
+        client.subscribe('/diagnostics', DiagnosticArray)
+        client.until(lambda: any('idle: nobody subscribes' in message.status[0].message
+                                 for message in client.received['/diagnostics']), 10.0, 'idle')
         assert left.get_subscription_count() == 0
         client.subscribe('depth', type(stereo_messages(*PAIR, 1)['left/image_rect']))
         client.until(lambda: left.get_subscription_count() == 1, 5.0, 'a subscription')
         assert client.node.count_subscribers('ground_truth/disparity') == 0
-        client.node.destroy_subscription(next(iter(client.node.subscriptions)))
+        client.node.destroy_subscription(next(
+            item for item in client.node.subscriptions if item.topic_name == '/depth'))
         client.until(lambda: left.get_subscription_count() == 0, 5.0, 'no subscription')
 
 
@@ -96,9 +99,9 @@ def test_an_incompatible_publisher_and_a_silent_remapped_topic_are_named(make_cl
         client = make_client()
         client.subscribe('disparity', DisparityImage)
         client.publisher('left/image_rect', reliability=ReliabilityPolicy.BEST_EFFORT)
-        client.spin(2.0)
-        node.wait_log('left/image_rect: a publisher offers an incompatible QoS')
-        node.wait_log('right/image_rect (/cam/right), left/camera_info')
+        for text in ('left/image_rect: a publisher offers an incompatible QoS',
+                     'right/image_rect (/cam/right), left/camera_info'):
+            client.until(lambda text=text: text in node.log, 20.0, text)
 
 
 def test_without_any_camera_info_the_disparity_comes_and_says_what_it_lacks(make_client):
@@ -154,7 +157,7 @@ def test_sgbm_from_outside_is_refined_to_the_bits_of_sgbm_inside(make_client):
         message, = client.exchange(half)
         assert (message.image.width, message.f) == (160, 200.0)
         assert np.median(floats(message.image)) == pytest.approx(6.0, abs=0.3)
-        assert 'rescaled' in node.log
+        node.wait_log('rescaled')
 
 
 def test_a_matcher_that_is_half_a_second_late_finds_its_images(make_client):
