@@ -73,10 +73,7 @@ class PlaneParams:
     projection: str = choice(
         'guarded', PROJECTIONS,
         'full: every pixel of a fitted segment takes its plane (the paper); '
-        'guarded: a pixel moves only where the evidence says so; off: planes change nothing')
-    spread: bool = flag(
-        False, 'scanline: start from disparities that matched pixels spread along like colours, '
-        'not from disparities filled from the background')
+        'guarded: every pixel takes what is likeliest; off: planes change nothing')
     iterations: int = integer(20, 1, 10000, '-', 'RANSAC hypotheses per segment')
     inlier_threshold: float = number(1.0, 0.01, 100.0, 'px', 'largest residual of an inlier')
     min_inlier_ratio: float = number(0.5, 0.0, 1.0, 'ratio', 'planes with fewer inliers fail')
@@ -113,10 +110,9 @@ class ProcessingParams:
     frames_in_flight: int = integer(
         2, 1, 2, '-', 'node: frames refined at a time, at most one a thread; the second begins, '
         'on half the threads, while the first is not done')
-    max_cells: float = number(
-        9.5, 0.001, 1e6, 'million', 'pixels times (disparities + 32); where there are more, rows '
-        'are averaged before matching (sgbm, bm: after it) and refinement, and restored last')
-    min_rows: int = integer(120, 1, 65536, 'px', 'rows that averaging leaves at least')
+    refine_pixels: float = number(
+        0.2, 0.0, 1e6, 'million', 'planes and choices are made on the image where it has at most '
+        'so many pixels, else on its half; matching is at full size always')
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 from numba import njit
@@ -96,8 +96,13 @@ class SegmentGraph:
     weights: NDArray[np.uint8]
 
 
-def build_segment_graph(image: Image, params: SegmentationParams) -> SegmentGraph:
-    """Segment an image and gather what lies between its segments and its pixels."""
+def build_segment_graph(image: Image, params: SegmentationParams, scale: int = 1) -> SegmentGraph:
+    """
+    Segment an image and gather what lies between its segments and its pixels.
+
+    `scale` is 2 for an image of half the size that the parameters are meant for.
+    """
+    params = replace(params, min_size=max(1, params.min_size // scale))
     labels, count = segment_image(image, params)
     weights = edge_weights(cv2.medianBlur(image, 3))
     return SegmentGraph(

@@ -31,3 +31,6 @@ LINK_PENALTY = 5
 # Sweeps, ratio: what is left of a vote after one step over a flat image. Larger: votes reach
 # farther. Not measured separately.
 FADE = 0.9
+# Levels, pixels of disparity: between neighbours of the half-size grid that differ by more is a
+# step, not a slant. Not measured separately.
+SMOOTH_STEP = 2.0

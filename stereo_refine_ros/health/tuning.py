@@ -42,3 +42,7 @@ CLEARLY_BETTER = 0.85
 EDGE = 8.0
 # Gaussian by which the views are smoothed for that, pixels.
 EDGE_BLUR_PX = 1.0
+
+# Coarse look and whose view an external map is of, seconds: so seldom they are asked, since they
+# take as long as a frame's planes.
+LOOK_EVERY_S = 1.0

@@ -24,13 +24,15 @@ from __future__ import annotations
 from collections.abc import Callable
 import os
 
+import numpy as np
+
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.opencv_matchers import match_bm, match_sgbm
 from stereo_refine_ros.matching.scanline import match_scanline
 from stereo_refine_ros.matching.tree_matchers import match_non_local, match_segment_tree
 from stereo_refine_ros.matching.tuning import BYTES_PER_CELL
 from stereo_refine_ros.params import MatchingParams
-from stereo_refine_ros.types import StereoPair
+from stereo_refine_ros.types import DisparityMap, FloatMap, StereoPair
 
 Matcher = Callable[[StereoPair, MatchingParams, int], Match]
 
@@ -42,8 +44,30 @@ MATCHERS: dict[str, Matcher] = {
     'scanline': match_scanline,
 }
 
-# Quick enough for whole images, and without a cost volume of their own.
-OPENCV_MATCHERS = ('sgbm', 'bm')
+# They keep a cost volume of the whole image.
+TREE_MATCHERS = ('segment_tree', 'non_local')
+
+
+def find_match(pair: StereoPair, given: FloatMap | None, params: MatchingParams,
+               threads: int = 1) -> Match:
+    """
+    Take a map from outside, or match the pair where there is none.
+
+    Raises
+    ------
+    ValueError
+        For a map that is not of the pair's shape; else see `compute_match`.
+
+    """
+    if given is None:
+        return compute_match(pair, params, threads)
+    if not isinstance(given, np.ndarray) or given.shape != pair.shape:
+        raise ValueError(f'preliminary: expected a numpy array of shape {pair.shape}, '
+                         f'got {getattr(given, "shape", type(given).__name__)}')
+    values = given.astype(np.float32)
+    values[~np.isfinite(values)] = np.nan
+    return Match(DisparityMap(values, params.min_disparity, params.num_disparities),
+                 is_own=False)
 
 
 def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
@@ -61,7 +85,7 @@ def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1) ->
         raise ValueError(f'matching.method {params.method}: needs the right image')
     if params.method not in MATCHERS:
         raise ValueError(f'matching.method: {params.method!r} is none of {", ".join(MATCHERS)}')
-    if params.method not in OPENCV_MATCHERS:
+    if params.method in TREE_MATCHERS:
         _check_memory(pair, params)
     return MATCHERS[params.method](pair, params, threads)
 

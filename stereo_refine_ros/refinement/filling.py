@@ -36,28 +36,40 @@ def fill_from_background(values: FloatMap) -> FloatMap:
         Pixels, NaN invalid; not changed.
 
     """
-    out = np.empty(values.shape, np.float32)
+    return fill_sides(values)[0]
+
+
+def fill_sides(values: FloatMap) -> tuple[FloatMap, FloatMap]:
+    """
+    Fill holes from the side of the background, and from that of the foreground.
+
+    See `fill_from_background`; the second map takes the larger of the two neighbours.
+    """
+    low, high = np.empty((2, *values.shape), np.float32)
     has_data = np.empty(len(values), np.bool_)
-    _fill_kernel(np.require(values, np.float32, ['C', 'W']), out, has_data)
-    return _fill_rows(out, has_data)
+    _fill_kernel(np.require(values, np.float32, ['C', 'W']), low, high, has_data)
+    return _fill_rows(low, has_data), _fill_rows(high, has_data)
 
 
 @njit(cache=True, nogil=True)
-def _fill_kernel(values, out, has_data):
+def _fill_kernel(values, low, high, has_data):
     height, width = values.shape
     for y in range(height):
         carried = np.float32(np.nan)
         for x in range(width):
             if not np.isnan(values[y, x]):
                 carried = values[y, x]
-            out[y, x] = carried
+            low[y, x] = high[y, x] = carried
         has_data[y] = not np.isnan(carried)
         carried = np.float32(np.nan)
         for x in range(width - 1, -1, -1):
             if not np.isnan(values[y, x]):
                 carried = values[y, x]
-            elif np.isnan(out[y, x]) or carried < out[y, x]:
-                out[y, x] = carried
+            elif np.isnan(low[y, x]):
+                low[y, x] = high[y, x] = carried
+            else:
+                low[y, x] = min(low[y, x], carried) if not np.isnan(carried) else low[y, x]
+                high[y, x] = max(high[y, x], carried) if not np.isnan(carried) else high[y, x]
 
 
 def _fill_rows(values: FloatMap, has_data: np.ndarray) -> FloatMap:

@@ -19,6 +19,10 @@ Tuning of planes and filters: what each constant is measured in, does, and rests
 `python benchmarks/accuracy.py`.
 """
 
+import math
+
+import numpy as np
+
 # Fit, pixels: fewer data than this say nothing about a slanted plane. Larger: more segments adopt
 # a neighbour's. Not measured separately.
 MIN_DATA = 30
@@ -54,3 +58,34 @@ MEDIAN_SAMPLES = 11
 # Weighted median, pixels: steps in which disparities are compared. Smaller: a smaller range fits
 # 16 bits.
 MEDIAN_STEP = 1.0 / 16.0
+
+# Likelihood, pixels of the grid: where the neighbours sit that are asked, (down, right): rings of
+# 4, 6, 7 and 7 at radius 2, 4, 8 and 14. More of them change nothing (prototype of 44 features).
+RING = np.array([
+    (round(radius * math.sin(angle + radius)), round(radius * math.cos(angle + radius)))
+    for radius, count in ((2, 4), (4, 6), (8, 7), (14, 7))
+    for angle in (2 * math.pi * i / count for i in range(count))], np.int64)
+# Likelihood, pixels: how far a neighbour's match may be off to agree, and what a pixel of distance
+# adds, since surfaces slant.
+REACH, REACH_GROWTH = 1.0, 0.1
+# Likelihood, grey levels: a neighbour that differs by this counts half.
+COLOR_SCALE = 8.0
+# Likelihood, pixels of disparity: more within 5x5 is a step.
+STEP = 2.5
+# Likelihood, pixels of the grid: windows of the roughness of the map given and of a candidate.
+LOCAL_WINDOW, BEND_WINDOW = 9, 5
+# Candidates, pixels of the grid: side of the median that is one of them.
+CANDIDATE_MEDIAN = 5
+# Choice, pixels: candidates nearer than this are one.
+ALIKE = 0.4
+# Choice, units of 255 grey levels: colour change that a pixel's vote survives.
+VOTE_SIGMA = 0.02
+# Choice, log-odds: how much likelier than a filled hole another candidate must be. 1.2: own maps
+# lose 0.1; 0.5: Rocks1 gets worse by 0.4 (benchmarks/field.py).
+MARGIN_HOLE = 0.8
+# Choice, log-odds: the same for a given disparity: MARGIN_GIVEN - MARGIN_SLOPE x roughness, within
+# MARGINS; the roughness of the whole map is about -2 for a network's, 1 for a matcher's.
+# benchmarks/field.py, HITNet on KITTI: 1.0, 0.8 makes 4 of 9 scenes worse by 0.1, these none.
+MARGIN_GIVEN, MARGIN_SLOPE, MARGINS = 1.5, 1.5, (0.7, 4.0)
+# Planes, ratio: what an adopted plane is believed like: as one with so many inliers.
+ADOPTED_QUALITY = 0.3

@@ -1,0 +1,117 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is wrong with the cameras, and undone: examined pair by pair, beside the method."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import threading
+import time
+
+import numpy as np
+
+from stereo_refine_ros.health.external import fits_right_better, given_agreement
+from stereo_refine_ros.health.suspicion import CoarseLook, suspect
+from stereo_refine_ros.health.tuning import LOOK_EVERY_S
+from stereo_refine_ros.health.views import measure_views
+from stereo_refine_ros.images import to_grey
+from stereo_refine_ros.params import MatchingParams, Params
+from stereo_refine_ros.rectification import (
+    measure_row_offset, RowOffset, RowOffsetTracker, significant, undo_row_offset)
+from stereo_refine_ros.types import FloatMap, PairHealth, StereoPair
+
+
+class PairExaminer:
+    """
+    Find the row offset of a pair and undo it; say how healthy the pair is.
+
+    With `temporal.enabled` the offset settles over the pairs that one examiner has seen. Pairs
+    may come from several threads. What takes longer than a frame has is looked at once in
+    LOOK_EVERY_S seconds; it changes no disparity.
+    """
+
+    def __init__(self, params: Params) -> None:
+        """Start without knowledge of the cameras."""
+        self._params = params
+        self._tracker = RowOffsetTracker()
+        self._lock = threading.Lock()
+        self._looked_at = -LOOK_EVERY_S
+        self._look = CoarseLook(float('nan'), float('nan'), float('nan'))
+        self._fits_right = False
+
+    def rectify(self, pair: StereoPair, threads: int) -> tuple[StereoPair, RowOffset]:
+        """Return the pair with its row offset undone, and the offset that was found."""
+        if pair.right is None:
+            return pair, RowOffset()
+        matching = self._params.matching
+        measured = measure_row_offset(to_grey(pair.left), to_grey(pair.right),
+                                      matching.min_disparity, matching.num_disparities)
+        offset = significant(measured)
+        if self._params.temporal.enabled:
+            with self._lock:
+                offset = self._tracker.update(measured)
+        if not self._params.rectification.correct:
+            return pair, offset
+        return replace(pair, right=undo_row_offset(pair.right, offset, threads)), offset
+
+    def examine(self, pair: StereoPair, offset: RowOffset, fine: FloatMap,
+                given: FloatMap | None) -> PairHealth:
+        """
+        Measure what the images and their own match say.
+
+        Parameters
+        ----------
+        pair : StereoPair
+        offset : RowOffset
+            As `rectify` found it.
+        fine : float32 ndarray of shape (H, W)
+            The own match, NaN where left and right disagree; on any grid.
+        given : float32 ndarray of shape (H, W), or None
+            A map from outside, on the same grid.
+
+        """
+        if pair.right is None:
+            return PairHealth()
+        left, right = to_grey(pair.left), to_grey(pair.right)
+        look, fits_right = self._coarse_look(left, right, given)
+        matching = self._params.matching
+        return replace(
+            measure_views(left, right), row_offset_px=offset.largest_px,
+            matched_ratio=look.as_is, upside_down_ratio=look.upside_down,
+            swapped_ratio=look.swapped, last_disparity_ratio=_at_the_end(fine, matching),
+            fits_right_better=fits_right,
+            given_agreement=float('nan') if given is None else given_agreement(given, fine))
+
+    def _coarse_look(self, left: np.ndarray, right: np.ndarray, given: FloatMap | None,
+                     ) -> tuple[CoarseLook, bool]:
+        with self._lock:
+            now = time.monotonic()
+            if now - self._looked_at < LOOK_EVERY_S:
+                return self._look, self._fits_right
+            self._looked_at = now
+        matching = self._params.matching
+        look = suspect(left, right, matching.min_disparity, matching.num_disparities)
+        fits_right = (given is not None and given.shape == left.shape
+                      and fits_right_better(given, left, right))
+        with self._lock:
+            self._look, self._fits_right = look, fits_right
+        return look, fits_right
+
+
+def _at_the_end(fine: FloatMap, matching: MatchingParams) -> float:
+    """Share of the matches that lie at the last disparities of the range."""
+    matched = np.count_nonzero(np.isfinite(fine))
+    last = matching.min_disparity + matching.num_disparities - 2
+    return float(np.count_nonzero(fine >= last)) / matched if matched else float('nan')

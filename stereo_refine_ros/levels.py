@@ -1,0 +1,189 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Two resolutions around the stages, none of which knows of them.
+
+Planes and choices are made on a grid: the image itself, or its half where it is large. The map
+that comes out of the choice goes back to full size, where what was given and stood keeps its
+every pixel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from numba import njit
+import numpy as np
+from numpy.typing import NDArray
+
+from stereo_refine_ros.graph.tuning import SMOOTH_STEP
+from stereo_refine_ros.images import halve
+from stereo_refine_ros.threads import run_bands
+from stereo_refine_ros.types import FloatMap, Image, PlaneSegmentation, StereoPair
+
+
+def grid_scale(shape: tuple[int, int], megapixels: float) -> int:
+    """Return 1 for images of up to so many million pixels, else 2: the grid is half as fine."""
+    return 1 if shape[0] * shape[1] <= megapixels * 1e6 else 2
+
+
+def halve_pair(pair: StereoPair) -> StereoPair:
+    """Halve both views."""
+    return StereoPair(halve(pair.left), None if pair.right is None else halve(pair.right))
+
+
+def to_grid(values: FloatMap, scale: int) -> FloatMap:
+    """
+    Bring a full-size map to the grid; its disparities stay in full-size pixels.
+
+    A pixel of a half-size grid is the mean of those of its four that lie within 1 px of the first
+    valid one; NaN where none is valid.
+    """
+    if scale == 1:
+        return values
+    height, width = values.shape
+    half = np.empty(((height + 1) // 2, (width + 1) // 2), np.float32)
+    _pick_kernel(np.ascontiguousarray(values), half)
+    return half
+
+
+def repeated(values: np.ndarray, shape: tuple[int, int], scale: int) -> np.ndarray:
+    """Give every full-size pixel what its pixel of the grid has."""
+    if scale == 1:
+        return values
+    return np.repeat(np.repeat(values, 2, axis=0), 2, axis=1)[:shape[0], :shape[1]]
+
+
+def segments_at_full_size(segments: PlaneSegmentation, shape: tuple[int, int], scale: int,
+                          ) -> PlaneSegmentation:
+    """Return segments of full-size pixels, and planes in their coordinates."""
+    if scale == 1:
+        return segments
+    # Pixel x of the grid stands for 2 x + 0.5 of the image.
+    a, b, c = segments.planes.T
+    planes = np.stack([a / 2, b / 2, c - (a + b) / 4], axis=1)
+    labels = np.ascontiguousarray(repeated(segments.labels, shape, scale))
+    return PlaneSegmentation(labels, planes, segments.is_fitted, segments.inlier_ratio,
+                             segments.plane_index)
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """
+    A map on the grid.
+
+    Attributes
+    ----------
+    given, values : float32 ndarray of shape (H, W)
+        What was given there, and what was chosen.
+    is_moved : bool ndarray of shape (H, W)
+        Where that is another.
+    is_literal : bool
+        Whether holes that were not moved stay holes, and all that was moved moves.
+
+    """
+
+    given: FloatMap
+    values: FloatMap
+    is_moved: NDArray[np.bool_]
+    is_literal: bool = False
+
+
+def at_full_size(choice: Choice, given: FloatMap, left: Image, grid_left: Image,
+                 scale: int, threads: int = 1) -> FloatMap:
+    """
+    Bring what was chosen on the grid to full size.
+
+    A given pixel that stood, or that lies on another surface than the one that was moved, keeps
+    its disparity. Elsewhere the grid's map is interpolated, at its steps by likeness of colour.
+
+    Returns
+    -------
+    float32 ndarray of shape (H, W)
+
+    """
+    if scale == 1:
+        return np.where(choice.is_moved | np.isnan(given), choice.values, given)
+    height, width = given.shape
+    channels = 1 if left.ndim == 2 else 3
+    out = np.empty_like(given)
+    run_bands(_restore_kernel, height, threads, choice.given, choice.values, choice.is_moved,
+              np.ascontiguousarray(given), left.reshape(height, width, channels),
+              grid_left.reshape(*choice.values.shape, channels), choice.is_literal,
+              np.float32(SMOOTH_STEP), out)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _pick_kernel(values, half):
+    height, width = values.shape
+    for y in range(half.shape[0]):
+        for x in range(half.shape[1]):
+            first, total, count = np.float32(np.nan), np.float32(0), 0
+            for v in range(2 * y, min(2 * y + 2, height)):
+                for u in range(2 * x, min(2 * x + 2, width)):
+                    value = values[v, u]
+                    if np.isnan(value):
+                        continue
+                    if np.isnan(first):
+                        first = value
+                    if abs(value - first) <= 1:
+                        total += value
+                        count += 1
+            half[y, x] = total / np.float32(count) if count > 0 else np.float32(np.nan)
+
+
+@njit(cache=True, nogil=True)
+def _restore_kernel(start, stop, grid_given, grid, is_moved, given, left, grid_left, is_literal,
+                    smooth, out):
+    width = out.shape[1]
+    for y in range(start, stop):
+        for x in range(width):
+            value, gy, gx = given[y, x], y >> 1, x >> 1
+            if is_literal and not is_moved[gy, gx]:
+                out[y, x] = value
+                continue
+            if not is_literal and not np.isnan(value):
+                stands = not is_moved[gy, gx] or abs(value - grid[gy, gx]) <= 1
+                if stands or not abs(value - grid_given[gy, gx]) <= 1:
+                    out[y, x] = value
+                    continue
+            out[y, x] = _interpolate(y, x, grid, left, grid_left, smooth)
+
+
+@njit(cache=True, nogil=True)
+def _interpolate(y, x, grid, left, grid_left, smooth):
+    """Interpolate where the grid is smooth, else take the neighbour most alike in colour."""
+    height, width = grid.shape
+    v, u = (y - 1) >> 1, (x - 1) >> 1
+    y0, y1 = max(v, 0), min(v + 1, height - 1)
+    x0, x1 = max(u, 0), min(u + 1, width - 1)
+    down = np.float32(0.25) if y & 1 else np.float32(0.75)
+    right = np.float32(0.25) if x & 1 else np.float32(0.75)
+    a, b, c, d = grid[y0, x0], grid[y0, x1], grid[y1, x0], grid[y1, x1]
+    if max(max(a, b), max(c, d)) - min(min(a, b), min(c, d)) <= smooth:
+        one = np.float32(1)
+        return (a * (one - right) + b * right) * (one - down) + (
+            c * (one - right) + d * right) * down
+    best, least = a, np.int32(1 << 30)
+    for k in range(4):
+        gy, gx = y1 if k & 2 else y0, x1 if k & 1 else x0
+        # Of two that are equally alike, the nearer.
+        change = np.int32(0 if gy == y >> 1 else 5) + np.int32(0 if gx == x >> 1 else 5)
+        for i in range(left.shape[2]):
+            change += abs(np.int32(left[y, x, i]) - np.int32(grid_left[gy, gx, i]))
+        if change < least:
+            best, least = grid[gy, gx], change
+    return best

@@ -1,0 +1,52 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What may stand at a pixel: several dense maps to choose from, the first of them what was given."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from stereo_refine_ros.refinement.filling import fill_sides
+from stereo_refine_ros.refinement.likelihood import Evidence, PlaneMap
+from stereo_refine_ros.refinement.tuning import CANDIDATE_MEDIAN
+from stereo_refine_ros.types import FloatMap
+
+
+def propose(given: FloatMap, planes: PlaneMap, evidence: Evidence) -> FloatMap:
+    """
+    Gather the candidates of every pixel.
+
+    Parameters
+    ----------
+    given : float32 ndarray of shape (H, W)
+        The map to refine, NaN where it has holes.
+    planes, evidence
+        On the same grid.
+
+    Returns
+    -------
+    float32 ndarray of shape (K, H, W), no NaN
+        The given map with its holes filled from the background; the planes; the checked matches
+        at full and at half resolution; the holes filled from the nearer side; a median. Where one
+        has nothing to say, it repeats the first.
+
+    """
+    background, foreground = fill_sides(given)
+    others = [planes.values, foreground, cv2.medianBlur(background, CANDIDATE_MEDIAN)]
+    if evidence.has_right:
+        others += [evidence.fine, evidence.coarse]
+    return np.stack([background] + [
+        np.where(np.isnan(other), background, other) for other in others]).astype(np.float32)

@@ -1,0 +1,81 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The choice between candidates: what was given stays, unless another is clearly likelier."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stereo_refine_ros.graph.support import sweep
+from stereo_refine_ros.refinement.likelihood import roughness
+from stereo_refine_ros.refinement.tuning import (
+    ALIKE, MARGIN_GIVEN, MARGIN_HOLE, MARGIN_SLOPE, MARGINS, VOTE_SIGMA)
+from stereo_refine_ros.threads import start
+from stereo_refine_ros.types import FloatMap
+
+
+def choose(maps: FloatMap, odds: FloatMap, given: FloatMap, weights: NDArray[np.uint8],
+           threads: int = 1) -> NDArray[np.intp]:
+    """
+    Choose a candidate for every pixel.
+
+    A candidate gains what its log-odds exceed those of the first by. Gains are averaged over the
+    neighbours of like colour where the two differ, so that no pixel decides alone; the largest
+    wins if it is above a margin, which is larger where a disparity was given, and larger still
+    where the given map is smooth: a smooth map knows more than the evidence against it.
+
+    Parameters
+    ----------
+    maps, odds : float32 ndarray of shape (K, H, W)
+        Candidates, the first what was given, and their log-odds.
+    given : float32 ndarray of shape (H, W)
+        NaN where nothing was given.
+    weights : uint8 ndarray of shape (H, W, 2)
+        Edge weights of the image's pixel graph: who counts as a neighbour.
+    threads : int
+        Candidates are averaged side by side.
+
+    Returns
+    -------
+    intp ndarray of shape (H, W), 0..K - 1
+
+    """
+    tasks = [start(threads, _averaged_gain, maps[0], maps[k], odds[k] - odds[0], weights)
+             for k in range(1, len(maps))]
+    margin = np.where(np.isnan(given), np.float32(MARGIN_HOLE), np.float32(_margin(given)))
+    gains = np.stack([margin, *(task.result() for task in tasks)])
+    return np.argmax(gains, axis=0)
+
+
+def _margin(given: FloatMap) -> float:
+    """How much likelier another disparity must be than a given one, in log-odds."""
+    bend = roughness(given)
+    known = np.isfinite(bend)
+    rough = float(np.log(bend[known].mean() + 0.005)) + 2 if known.any() else 0.0
+    return float(np.clip(MARGIN_GIVEN - MARGIN_SLOPE * rough, *MARGINS))
+
+
+def _averaged_gain(first: FloatMap, other: FloatMap, gain: FloatMap,
+                   weights: NDArray[np.uint8]) -> FloatMap:
+    """Mean gain over the neighbours of like colour where the two differ; 0 where they do not."""
+    differs = np.abs(other - first) > ALIKE
+    if not differs.any():
+        return np.zeros_like(first)
+    gain = np.where(differs, gain, np.float32(0))
+    count = differs.astype(np.float32)
+    mean = (sweep(gain, weights, VOTE_SIGMA) + gain) / (
+        sweep(count, weights, VOTE_SIGMA) + count + np.float32(1e-3))
+    return np.where(differs, mean, np.float32(0))
