@@ -16,12 +16,10 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
-from stereo_refine_ros.refinement.filling import fill_sides
+from stereo_refine_ros.refinement.filling import fill_from_background
 from stereo_refine_ros.refinement.likelihood import Evidence, PlaneMap
-from stereo_refine_ros.refinement.tuning import CANDIDATE_MEDIAN
 from stereo_refine_ros.types import FloatMap
 
 
@@ -38,14 +36,14 @@ def propose(given: FloatMap, planes: PlaneMap, evidence: Evidence) -> FloatMap:
 
     Returns
     -------
-    float32 ndarray of shape (K, H, W), no NaN
-        The given map with its holes filled from the background; the planes; the checked matches
-        at full and at half resolution; the holes filled from the nearer side; a median. Where one
-        has nothing to say, it repeats the first.
+    float32 ndarray of shape (K, H, W), no NaN unless nothing was given
+        The given map with its holes filled from the background; the plane of the segment; the
+        planes beside a hole, behind and in front; the checked matches at full and at half
+        resolution. Where one has nothing to say, it repeats the first.
 
     """
-    background, foreground = fill_sides(given)
-    others = [planes.values, foreground, cv2.medianBlur(background, CANDIDATE_MEDIAN)]
+    background = fill_from_background(given)
+    others = [planes.values, planes.behind, planes.before]
     if evidence.has_right:
         others += [evidence.fine, evidence.coarse]
     return np.stack([background] + [

@@ -39,14 +39,15 @@ from numpy.typing import NDArray
 
 from stereo_refine_ros.refinement.likelihood_table import ALONE, PAIR
 from stereo_refine_ros.refinement.tuning import (
-    BEND_WINDOW, COLOR_SCALE, LOCAL_WINDOW, REACH, REACH_GROWTH, RING, STEP)
+    AROUND_WINDOW, BEND_WINDOW, COLOR_SCALE, LOCAL_WINDOW, REACH, REACH_GROWTH, RING, STEP)
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, Image
 
 FEATURES = (
     'bias', 'vote', 'around', 'plane_near', 'plane_far', 'plane_residual', 'given_far',
     'smooth_given', 'smooth_ungiven', 'fine_near', 'coarse_far', 'uniqueness', 'bend', 'step',
-    'transparent', 'unseen')
+    'transparent', 'unseen', 'hole', 'hole_vote', 'hole_plane', 'uniqueness_around',
+    'disagreement_around')
 _COUNT = len(FEATURES)
 _NONE = np.float32(-1e6)  # stands for a missing disparity where NaN would cost time
 
@@ -86,10 +87,21 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False)
 class PlaneMap:
-    """The plane's disparity at every pixel, NaN for none, and how far to believe it, 0..1."""
+    """
+    What planes say of every pixel, float32 (H, W) each.
+
+    Attributes
+    ----------
+    values : the disparity of the segment's plane, NaN for none
+    quality : how far to believe it, 0..1
+    behind, before : the planes beside a hole, the farther and the nearer; NaN for none
+
+    """
 
     values: FloatMap
     quality: FloatMap
+    behind: FloatMap
+    before: FloatMap
 
 
 def log_odds(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evidence,
@@ -165,9 +177,13 @@ def _arguments(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evid
                                 cv2.BORDER_CONSTANT, value=0.0)
     local = _local_roughness(given)
     steps, bends = _steps_and_bends(maps)
+    window = (AROUND_WINDOW, AROUND_WINDOW)
+    unique_around = cv2.blur(evidence.uniqueness, window, borderType=cv2.BORDER_REFLECT)
+    apart = np.minimum(np.nan_to_num(np.abs(evidence.fine - evidence.coarse), nan=1.0), 2)
+    disagreement = cv2.blur(apart.astype(np.float32), window, borderType=cv2.BORDER_REFLECT)
     return (maps, _filled(given), _filled(planes.values), planes.quality, fine, inside,
-            _filled(evidence.coarse), evidence.uniqueness, _filled(evidence.right), local, steps,
-            bends, planes_of_image, RING, allowed, evidence.scale)
+            _filled(evidence.coarse), evidence.uniqueness, _filled(evidence.right), local,
+            unique_around, disagreement, steps, bends, planes_of_image, RING, allowed, evidence.scale)
 
 
 def _filled(values: FloatMap) -> FloatMap:
@@ -196,7 +212,7 @@ def _steps_and_bends(maps: FloatMap) -> tuple[FloatMap, FloatMap]:
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def _judge_kernel(start, stop, maps, given, plane, quality, fine, inside, coarse, uniqueness,
-                  right, local, steps, bends, image, ring, allowed, scale, table, odds, features):
+                  right, local, unique_around, disagreement, steps, bends, image, ring, allowed, scale, table, odds, features):
     """Fill rows start..stop of `odds`; and of `features` (K, H, W, F), if asked."""
     count, _, width = maps.shape
     reach = (fine.shape[1] - width) // 2
@@ -218,10 +234,12 @@ def _judge_kernel(start, stop, maps, given, plane, quality, fine, inside, coarse
                 is_given = g > _NONE
                 is_near = is_given and abs(g - z) <= 1
                 f_near = max(np.float32(0), np.float32(1) - abs(f - z))
+                vote = (agreeing[k, x] + np.float32(0.5)) / (
+                    known[x] + np.float32(1)) - np.float32(0.5)
+                is_hole = np.float32(0) if is_given else np.float32(1)
                 values = (
                     np.float32(1),
-                    (agreeing[k, x] + np.float32(0.5)) / (known[x] + np.float32(1))
-                    - np.float32(0.5),
+                    vote,
                     known[x] / max(every[x], np.float32(1e-6)) - np.float32(0.5),
                     q * (np.float32(1) - residual),
                     q if residual >= 1 else np.float32(0),
@@ -235,7 +253,12 @@ def _judge_kernel(start, stop, maps, given, plane, quality, fine, inside, coarse
                     bends[k, y, x],
                     steps[k, y, x],
                     np.float32(1) if seen > _NONE and seen < z - 1 else np.float32(0),
-                    np.float32(0) if is_seen else np.float32(1))
+                    np.float32(0) if is_seen else np.float32(1),
+                    is_hole,
+                    is_hole * vote,
+                    is_hole * q * (np.float32(1) - residual),
+                    unique_around[y, x],
+                    disagreement[y, x])
                 total = np.float32(0)
                 for i in range(len(values)):
                     total += values[i] * table[i]

@@ -31,12 +31,12 @@ from stereo_refine_ros.graph.segment_graph import SegmentGraph
 from stereo_refine_ros.levels import Choice
 from stereo_refine_ros.params import PlaneParams
 from stereo_refine_ros.refinement.candidates import propose
-from stereo_refine_ros.refinement.choice import choose
+from stereo_refine_ros.refinement.choice import choose, settle
 from stereo_refine_ros.refinement.filling import fill_from_background
 from stereo_refine_ros.refinement.likelihood import Evidence, log_odds, PlaneMap
 from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar
 from stereo_refine_ros.refinement.planes import fit_planes
-from stereo_refine_ros.refinement.projection import plane_disparities
+from stereo_refine_ros.refinement.projection import fill_along_planes, plane_disparities
 from stereo_refine_ros.refinement.tuning import ADOPTED_QUALITY
 from stereo_refine_ros.types import FloatMap, LabelMap, PlaneSegmentation
 
@@ -88,7 +88,8 @@ def unfitted(labels: LabelMap, count: int) -> PlaneSegmentation:
 def project_off(stage: PlaneStage, params: PlaneParams, threads: int = 1) -> Projected:
     """Leave the planes out: the segments have none, and the map stays as it came."""
     segments = unfitted(stage.graph.labels, stage.graph.count)
-    nothing = PlaneMap(np.full_like(stage.given, np.nan), np.zeros_like(stage.given))
+    unknown = np.full_like(stage.given, np.nan)
+    nothing = PlaneMap(unknown, np.zeros_like(stage.given), unknown, unknown)
     nowhere = np.zeros(stage.given.shape, np.bool_)
     return _literal(stage, stage.given, nowhere, nothing, segments, threads)
 
@@ -110,7 +111,7 @@ def project_full(stage: PlaneStage, params: PlaneParams, threads: int = 1) -> Pr
         stage.graph.labels, np.ascontiguousarray(planes[:, :3]), is_fitted, fits.inlier_ratio)
     quality = np.where(is_fitted, fits.inlier_ratio, 0).astype(np.float32)
     return _literal(stage, np.where(np.isnan(values), stage.given, values), ~np.isnan(values),
-                    PlaneMap(values, quality[stage.graph.labels]), segments, threads)
+                    PlaneMap(values, quality[stage.graph.labels], values, values), segments, threads)
 
 
 def project_guarded(stage: PlaneStage, params: PlaneParams, threads: int = 1) -> Projected:
@@ -122,8 +123,8 @@ def project_guarded(stage: PlaneStage, params: PlaneParams, threads: int = 1) ->
     odds = log_odds(maps, stage.given, planes, stage.evidence, threads)
     which = choose(maps, odds, stage.given, stage.graph.weights, threads)[np.newaxis]
     values = np.take_along_axis(maps, which, axis=0)[0]
-    return Projected(Choice(stage.given, values, which[0] > 0),
-                     np.take_along_axis(odds, which, axis=0)[0], segments)
+    chosen = settle(np.take_along_axis(odds, which, axis=0)[0], stage.graph.weights)
+    return Projected(Choice(stage.given, values, which[0] > 0), chosen, segments)
 
 
 def share_planes(stage: PlaneStage, params: PlaneParams, threads: int,
@@ -137,10 +138,12 @@ def share_planes(stage: PlaneStage, params: PlaneParams, threads: int,
     is_fitted = own & (shared.index >= 0)
     quality = np.where(own, fits.inlier_ratio, np.float32(ADOPTED_QUALITY))
     quality[shared.index < 0] = 0
-    values = plane_disparities(graph.labels, planes, stage.lowest, stage.highest)
+    span = stage.lowest, stage.highest
+    values = plane_disparities(graph.labels, planes, *span)
+    beside = fill_along_planes(stage.given, graph.labels, planes, *span)
     segments = PlaneSegmentation(graph.labels, np.ascontiguousarray(planes[:, :3]), is_fitted,
                                  fits.inlier_ratio, shared.index)
-    return segments, PlaneMap(values, quality.astype(np.float32)[graph.labels])
+    return segments, PlaneMap(values, quality.astype(np.float32)[graph.labels], *beside)
 
 
 def _literal(stage: PlaneStage, values: FloatMap, is_moved: np.ndarray, planes: PlaneMap,
@@ -149,7 +152,8 @@ def _literal(stage: PlaneStage, values: FloatMap, is_moved: np.ndarray, planes: 
     filled = fill_from_background(values)
     odds = np.full(values.shape, -np.inf, np.float32)
     if not np.isnan(filled).any():
-        odds = log_odds(filled[np.newaxis], stage.given, planes, stage.evidence, threads)[0]
+        odds = settle(log_odds(filled[np.newaxis], stage.given, planes, stage.evidence,
+                               threads)[0], stage.graph.weights)
     return Projected(Choice(stage.given, values, is_moved, is_literal=True), odds, segments)
 
 

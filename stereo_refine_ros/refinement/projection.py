@@ -32,6 +32,67 @@ def plane_disparities(labels: LabelMap, planes: NDArray[np.float64], low: float,
     return values
 
 
+def fill_along_planes(values: FloatMap, labels: LabelMap, planes: NDArray[np.float64], low: float,
+                      high: float) -> tuple[FloatMap, FloatMap]:
+    """
+    Fill holes with the planes of the nearest valid pixels to the left and right.
+
+    What goes on behind an outline goes on in the plane of what is seen beside it.
+
+    Parameters
+    ----------
+    values : float32 ndarray of shape (H, W)
+        NaN where there is a hole.
+    labels : int32 ndarray of shape (H, W)
+    planes : float64 ndarray of shape (N, 5)
+        Of every segment, NaN for none: then its pixel's own disparity goes on.
+    low, high : float
+        The range that the planes are held in.
+
+    Returns
+    -------
+    background, foreground : float32 ndarray of shape (H, W)
+        The smaller and the larger of both sides; NaN in rows without a valid pixel.
+
+    """
+    background, foreground = np.empty((2, *values.shape), np.float32)
+    _fill_kernel(values, labels, planes, low, high, background, foreground)
+    return background, foreground
+
+
+@njit(cache=True, nogil=True)
+def _fill_kernel(values, labels, planes, low, high, background, foreground):
+    height, width = values.shape
+    for y in range(height):
+        beside = -1
+        for x in range(width):
+            if not np.isnan(values[y, x]):
+                beside = x
+            background[y, x] = foreground[y, x] = _extend(
+                y, x, beside, values, labels, planes, low, high)
+        beside = -1
+        for x in range(width - 1, -1, -1):
+            if not np.isnan(values[y, x]):
+                beside = x
+                continue
+            other = _extend(y, x, beside, values, labels, planes, low, high)
+            if np.isnan(background[y, x]):
+                background[y, x] = foreground[y, x] = other
+            elif not np.isnan(other):
+                background[y, x] = min(background[y, x], other)
+                foreground[y, x] = max(foreground[y, x], other)
+
+
+@njit(cache=True, nogil=True)
+def _extend(y, x, beside, values, labels, planes, low, high):
+    if beside < 0:
+        return np.float32(np.nan)
+    plane = planes[labels[y, beside]]
+    if beside == x or np.isnan(plane[0]):
+        return values[y, beside]
+    return np.float32(min(max(bounded_disparity(plane, x, y), low), high))
+
+
 @njit(cache=True, nogil=True)
 def _plane_kernel(labels, planes, low, high, values):
     height, width = labels.shape

@@ -74,18 +74,22 @@ COLOR_SCALE = 8.0
 STEP = 2.5
 # Likelihood, pixels of the grid: windows of the roughness of the map given and of a candidate.
 LOCAL_WINDOW, BEND_WINDOW = 9, 5
-# Candidates, pixels of the grid: side of the median that is one of them.
-CANDIDATE_MEDIAN = 5
+# Likelihood, pixels of the grid: window over how unique matches are around a pixel, and by how
+# much those at full and at half resolution differ.
+AROUND_WINDOW = 9
 # Choice, pixels: candidates nearer than this are one.
 ALIKE = 0.4
 # Choice, units of 255 grey levels: colour change that a pixel's vote survives.
 VOTE_SIGMA = 0.02
+# Confidence, units of 255 grey levels: the same for what neighbours of like colour say of their
+# own disparities. Without them the area under the sparsification curve is a tenth larger.
+SETTLE_SIGMA = 0.05
 # Choice, log-odds: how much likelier than a filled hole another candidate must be. 1.2: own maps
 # lose 0.1; 0.5: Rocks1 gets worse by 0.4 (benchmarks/field.py).
-MARGIN_HOLE = 0.8
+MARGIN_HOLE = 0.2
 # Choice, log-odds: the same for a given disparity: MARGIN_GIVEN - MARGIN_SLOPE x roughness, within
 # MARGINS; the roughness of the whole map is about -2 for a network's, 1 for a matcher's.
 # benchmarks/field.py, HITNet on KITTI: 1.0, 0.8 makes 4 of 9 scenes worse by 0.1, these none.
-MARGIN_GIVEN, MARGIN_SLOPE, MARGINS = 1.5, 1.5, (0.7, 4.0)
+MARGIN_GIVEN, MARGIN_SLOPE, MARGINS = 1.5, 2.0, (0.7, 5.0)
 # Planes, ratio: what an adopted plane is believed like: as one with so many inliers.
 ADOPTED_QUALITY = 0.3
