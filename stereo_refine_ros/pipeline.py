@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 import time
 
 import numpy as np
@@ -28,26 +29,22 @@ from stereo_refine_ros.images import halve
 from stereo_refine_ros.levels import (
     at_full_size, grid_scale, repeated, segments_at_full_size, to_grid)
 from stereo_refine_ros.matching import find_match
-from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.refinement.evidence import gather_evidence
 from stereo_refine_ros.refinement.filters import apply_filter
 from stereo_refine_ros.refinement.likelihood import probability
-from stereo_refine_ros.refinement.plane_stage import PlaneStage, Projected, PROJECTIONS, unfitted
+from stereo_refine_ros.refinement.plane_stage import PlaneStage, PROJECTIONS, unfitted
+from stereo_refine_ros.refinement.steadying import FrameMemory
 from stereo_refine_ros.threads import start
 from stereo_refine_ros.types import (
-    DisparityMap, FloatMap, Image, PairHealth, RefinementResult, StereoPair)
+    FloatMap, Image, PairHealth, RefinementResult, StereoPair)
 
 
 class StereoRefiner:
     """
     Refine the disparity of one stereo pair after another (Hamzah et al. 2017, figure 2).
 
-    Parameters
-    ----------
-    params : Params
-        From `load_preset`. Build a new refiner to change them.
-
+    `params` come from `load_preset`; build a new refiner to change them.
     """
 
     def __init__(self, params: Params) -> None:
@@ -55,6 +52,7 @@ class StereoRefiner:
         self.params = params
         self._project = PROJECTIONS[params.planes.projection]
         self._examiner = PairExaminer(params)
+        self._memory = FrameMemory() if params.temporal.enabled else None
 
     def process(self, left: Image, right: Image | None, preliminary: FloatMap | None = None,
                 threads: int | None = None) -> RefinementResult:
@@ -97,9 +95,18 @@ class StereoRefiner:
                                   evidence.image, scale, threads)
         with clock.timing('filter'):
             refined = apply_filter(values, left, params.filter, threads)
+        confidence = np.ascontiguousarray(
+            repeated(probability(projected.odds), pair.shape, scale))
         health = self._examiner.examine(pair, offset, evidence.fine,
                                         None if match.is_own else projected.choice.given)
-        return self._result(refined, match, projected, scale, health, clock)
+        if self._memory is not None:
+            with clock.timing('filter'):
+                refined, confidence = self._memory.steady(
+                    refined, confidence, left, health.noise_sigma, threads)
+        return RefinementResult(
+            replace(match.disparity, values=refined), match.disparity,
+            segments_at_full_size(projected.segments, pair.shape, scale),
+            match.lr_consistent_ratio, clock.stage_ms, clock.total_ms(), confidence, health)
 
     def preliminary_only(self, left: Image, right: Image | None,
                          preliminary: FloatMap | None = None, threads: int | None = None,
@@ -124,16 +131,6 @@ class StereoRefiner:
             image = left if scale == 1 else halve(left)
             return build_segment_graph(image, self.params.segmentation, scale)
 
-    def _result(self, refined: FloatMap, match: Match, projected: Projected, scale: int,
-                health: PairHealth, clock: _Clock) -> RefinementResult:
-        shape, searched = refined.shape, match.disparity
-        confidence = np.ascontiguousarray(
-            repeated(probability(projected.odds), shape, scale))
-        return RefinementResult(
-            DisparityMap(refined, searched.min_disparity, searched.num_disparities), searched,
-            segments_at_full_size(projected.segments, shape, scale), match.lr_consistent_ratio,
-            clock.stage_ms, clock.total_ms(), confidence, health)
-
 
 class _Clock:
     """Wall times of the stages of one frame, milliseconds."""
@@ -146,7 +143,7 @@ class _Clock:
     def timing(self, stage: str) -> Iterator[None]:
         begin = time.perf_counter()
         yield
-        self.stage_ms[stage] = (time.perf_counter() - begin) * 1e3
+        self.stage_ms[stage] += (time.perf_counter() - begin) * 1e3
 
     def total_ms(self) -> float:
         return (time.perf_counter() - self._begin) * 1e3

@@ -74,6 +74,7 @@ class PairExaminer:
         Parameters
         ----------
         pair : StereoPair
+            As `rectify` returned it.
         offset : RowOffset
             As `rectify` found it.
         fine : float32 ndarray of shape (H, W)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What may stand at a pixel: several dense maps to choose from, the first of them what was given."""
+"""What may stand at a pixel: dense maps to choose from, the first of them what was given."""
 
 from __future__ import annotations
 

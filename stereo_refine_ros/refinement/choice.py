@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,19 +24,19 @@ from stereo_refine_ros.graph.support import sweep
 from stereo_refine_ros.refinement.likelihood import roughness
 from stereo_refine_ros.refinement.tuning import (
     ALIKE, MARGIN_GIVEN, MARGIN_HOLE, MARGIN_SLOPE, MARGINS, SETTLE_SIGMA, VOTE_SIGMA)
-from stereo_refine_ros.threads import start
 from stereo_refine_ros.types import FloatMap
 
 
 def choose(maps: FloatMap, odds: FloatMap, given: FloatMap, weights: NDArray[np.uint8],
-           threads: int = 1) -> NDArray[np.intp]:
+           ) -> NDArray[np.intp]:
     """
     Choose a candidate for every pixel.
 
-    A candidate gains what its log-odds exceed those of the first by. Gains are averaged over the
-    neighbours of like colour where the two differ, so that no pixel decides alone; the largest
-    wins if it is above a margin, which is larger where a disparity was given, and larger still
-    where the given map is smooth: a smooth map knows more than the evidence against it.
+    A candidate gains what its log-odds exceed those of the first by. The largest gain of a pixel
+    is averaged over the neighbours of like colour that have another candidate too, so that no
+    pixel decides alone. It wins if it is above a margin, which is larger where a disparity was
+    given, and larger still where the given map is smooth: a smooth map knows more than the
+    evidence against it.
 
     Parameters
     ----------
@@ -45,19 +46,16 @@ def choose(maps: FloatMap, odds: FloatMap, given: FloatMap, weights: NDArray[np.
         NaN where nothing was given.
     weights : uint8 ndarray of shape (H, W, 2)
         Edge weights of the image's pixel graph: who counts as a neighbour.
-    threads : int
-        Candidates are averaged side by side.
 
     Returns
     -------
     intp ndarray of shape (H, W), 0..K - 1
 
     """
-    tasks = [start(threads, _averaged_gain, maps[0], maps[k], odds[k] - odds[0], weights)
-             for k in range(1, len(maps))]
+    which, gain = np.empty(given.shape, np.intp), np.empty(given.shape, np.float32)
+    _best_other_kernel(maps, odds, which, gain)
     margin = np.where(np.isnan(given), np.float32(MARGIN_HOLE), np.float32(_margin(given)))
-    gains = np.stack([margin, *(task.result() for task in tasks)])
-    return np.argmax(gains, axis=0)
+    return np.where(_averaged(gain, weights) > margin, which, 0)
 
 
 def settle(odds: FloatMap, weights: NDArray[np.uint8]) -> FloatMap:
@@ -67,6 +65,7 @@ def settle(odds: FloatMap, weights: NDArray[np.uint8]) -> FloatMap:
     Parameters
     ----------
     odds : float32 ndarray of shape (H, W)
+        Log-odds of the disparities that were chosen.
     weights : uint8 ndarray of shape (H, W, 2)
         Edge weights of the image's pixel graph.
 
@@ -85,14 +84,25 @@ def _margin(given: FloatMap) -> float:
     return float(np.clip(MARGIN_GIVEN - MARGIN_SLOPE * rough, *MARGINS))
 
 
-def _averaged_gain(first: FloatMap, other: FloatMap, gain: FloatMap,
-                   weights: NDArray[np.uint8]) -> FloatMap:
-    """Mean gain over the neighbours of like colour where the two differ; 0 where they do not."""
-    differs = np.abs(other - first) > ALIKE
-    if not differs.any():
-        return np.zeros_like(first)
-    gain = np.where(differs, gain, np.float32(0))
-    count = differs.astype(np.float32)
-    mean = (sweep(gain, weights, VOTE_SIGMA) + gain) / (
+@njit(cache=True, nogil=True)
+def _best_other_kernel(maps, odds, which, gain):
+    """Find the likeliest candidate that differs from the first, and its gain; else -inf."""
+    count, height, width = maps.shape
+    which[:] = 0
+    gain[:] = -np.inf
+    for y in range(height):
+        for k in range(1, count):
+            for x in range(width):
+                more = odds[k, y, x] - odds[0, y, x]
+                if more > gain[y, x] and abs(maps[k, y, x] - maps[0, y, x]) > ALIKE:
+                    which[y, x], gain[y, x] = k, more
+
+
+def _averaged(gain: FloatMap, weights: NDArray[np.uint8]) -> FloatMap:
+    """Mean gain over the neighbours of like colour that have one; -inf where there is none."""
+    has_one = np.isfinite(gain)
+    count = has_one.astype(np.float32)
+    total = np.where(has_one, gain, np.float32(0))
+    mean = (sweep(total, weights, VOTE_SIGMA) + total) / (
         sweep(count, weights, VOTE_SIGMA) + count + np.float32(1e-3))
-    return np.where(differs, mean, np.float32(0))
+    return np.where(has_one, mean, np.float32(-np.inf))

@@ -35,11 +35,10 @@ from dataclasses import dataclass
 import cv2
 from numba import njit
 import numpy as np
-from numpy.typing import NDArray
 
 from stereo_refine_ros.refinement.likelihood_table import ALONE, PAIR
 from stereo_refine_ros.refinement.tuning import (
-    AROUND_WINDOW, BEND_WINDOW, COLOR_SCALE, LOCAL_WINDOW, REACH, REACH_GROWTH, RING, STEP)
+    ALIKE, AROUND_WINDOW, COLOR_SCALE, LOCAL_WINDOW, REACH, REACH_GROWTH, RING, STEP)
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, Image
 
@@ -154,12 +153,21 @@ def roughness(values: FloatMap) -> FloatMap:
     NaN where a neighbour is missing.
     """
     bend = np.full(values.shape, np.nan, np.float32)
-    if min(values.shape) < 3:
-        return bend
-    across = np.abs(values[:, 2:] - 2 * values[:, 1:-1] + values[:, :-2])
-    along = np.abs(values[2:] - 2 * values[1:-1] + values[:-2])
-    bend[1:-1, 1:-1] = 0.5 * (np.minimum(across[1:-1], 1) + np.minimum(along[:, 1:-1], 1))
+    _roughness_kernel(np.ascontiguousarray(values), bend)
     return bend
+
+
+@njit(cache=True, nogil=True)
+def _roughness_kernel(values, bend):
+    one, twice = np.float32(1), np.float32(2)
+    for y in range(1, values.shape[0] - 1):
+        up, here, down = values[y - 1], values[y], values[y + 1]
+        for x in range(1, values.shape[1] - 1):
+            across = abs(here[x - 1] + here[x + 1] - twice * here[x])
+            along = abs(up[x] + down[x] - twice * here[x])
+            total = np.float32(0.5) * (min(across, one) + min(along, one))
+            # A minimum may lose a NaN; their sum does not.
+            bend[y, x] = total if across + along >= 0 else np.float32(np.nan)
 
 
 def _arguments(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evidence,
@@ -176,14 +184,13 @@ def _arguments(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evid
     inside = cv2.copyMakeBorder(np.ones(given.shape, np.float32), reach, reach, reach, reach,
                                 cv2.BORDER_CONSTANT, value=0.0)
     local = _local_roughness(given)
-    steps, bends = _steps_and_bends(maps)
     window = (AROUND_WINDOW, AROUND_WINDOW)
     unique_around = cv2.blur(evidence.uniqueness, window, borderType=cv2.BORDER_REFLECT)
     apart = np.minimum(np.nan_to_num(np.abs(evidence.fine - evidence.coarse), nan=1.0), 2)
     disagreement = cv2.blur(apart.astype(np.float32), window, borderType=cv2.BORDER_REFLECT)
     return (maps, _filled(given), _filled(planes.values), planes.quality, fine, inside,
             _filled(evidence.coarse), evidence.uniqueness, _filled(evidence.right), local,
-            unique_around, disagreement, steps, bends, planes_of_image, RING, allowed, evidence.scale)
+            unique_around, disagreement, planes_of_image, RING, allowed, evidence.scale)
 
 
 def _filled(values: FloatMap) -> FloatMap:
@@ -200,19 +207,10 @@ def _local_roughness(given: FloatMap) -> FloatMap:
     return np.log(total / np.maximum(share, np.float32(0.05)) + np.float32(0.01)) + np.float32(2)
 
 
-def _steps_and_bends(maps: FloatMap) -> tuple[FloatMap, FloatMap]:
-    """Whether a map steps within 5x5 of a pixel, and how bent it is there, 0..1."""
-    kernel = np.ones((5, 5), np.uint8)
-    steps = np.stack([cv2.subtract(cv2.dilate(z, kernel), cv2.erode(z, kernel)) > STEP
-                      for z in maps]).astype(np.float32)
-    bends = np.stack([cv2.blur(np.nan_to_num(roughness(z)), (BEND_WINDOW, BEND_WINDOW),
-                               borderType=cv2.BORDER_REFLECT) for z in maps])
-    return steps, bends / (bends + np.float32(0.1))
-
-
 @njit(cache=True, nogil=True, error_model='numpy')
 def _judge_kernel(start, stop, maps, given, plane, quality, fine, inside, coarse, uniqueness,
-                  right, local, unique_around, disagreement, steps, bends, image, ring, allowed, scale, table, odds, features):
+                  right, local, unique_around, disagreement, image, ring, allowed,
+                  scale, table, odds, features):
     """Fill rows start..stop of `odds`; and of `features` (K, H, W, F), if asked."""
     count, _, width = maps.shape
     reach = (fine.shape[1] - width) // 2
@@ -225,6 +223,10 @@ def _judge_kernel(start, stop, maps, given, plane, quality, fine, inside, coarse
         for k in range(count):
             for x in range(width):
                 z = maps[k, y, x]
+                # What is as good as the first needs no judgement of its own.
+                if k > 0 and features.shape[0] == 0 and abs(z - maps[0, y, x]) <= ALIKE:
+                    odds[k, y, x] = odds[0, y, x]
+                    continue
                 partner = int(np.floor(x - z / scale + np.float32(0.5)))
                 is_seen = 0 <= partner < width
                 seen = right[y, partner] if is_seen else _NONE
@@ -250,8 +252,8 @@ def _judge_kernel(start, stop, maps, given, plane, quality, fine, inside, coarse
                     f_near,
                     np.float32(1) if c > _NONE and abs(c - z) > 1 else np.float32(0),
                     uniqueness[y, x] if f_near > 0 else np.float32(0),
-                    bends[k, y, x],
-                    steps[k, y, x],
+                    _bend(maps[k], y, x),
+                    _step(maps[k], y, x),
                     np.float32(1) if seen > _NONE and seen < z - 1 else np.float32(0),
                     np.float32(0) if is_seen else np.float32(1),
                     is_hole,
@@ -266,6 +268,27 @@ def _judge_kernel(start, stop, maps, given, plane, quality, fine, inside, coarse
                 if features.shape[0] > 0:
                     for i in range(len(values)):
                         features[k, y, x, i] = values[i]
+
+
+@njit(cache=True, nogil=True, inline='always')
+def _bend(z, y, x):
+    """Mean of both second differences at a pixel, each at most 1 px."""
+    height, width = z.shape
+    up, down = z[max(y - 1, 0), x], z[min(y + 1, height - 1), x]
+    left, right = z[y, max(x - 1, 0)], z[y, min(x + 1, width - 1)]
+    twice, one = np.float32(2) * z[y, x], np.float32(1)
+    return np.float32(0.5) * (min(abs(up + down - twice), one)
+                              + min(abs(left + right - twice), one))
+
+
+@njit(cache=True, nogil=True, inline='always')
+def _step(z, y, x):
+    """1 where the map steps between a pixel and those two away, else 0."""
+    height, width = z.shape
+    here = z[y, x]
+    most = max(max(abs(z[max(y - 2, 0), x] - here), abs(z[min(y + 2, height - 1), x] - here)),
+               max(abs(z[y, max(x - 2, 0)] - here), abs(z[y, min(x + 2, width - 1)] - here)))
+    return np.float32(1) if most > STEP else np.float32(0)
 
 
 # The order of these sums does not matter, so that they fill vector registers.

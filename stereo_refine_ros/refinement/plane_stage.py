@@ -109,9 +109,9 @@ def project_full(stage: PlaneStage, params: PlaneParams, threads: int = 1) -> Pr
         stage.graph.labels, unbounded, stage.lowest, stage.highest)
     segments = PlaneSegmentation(
         stage.graph.labels, np.ascontiguousarray(planes[:, :3]), is_fitted, fits.inlier_ratio)
-    quality = np.where(is_fitted, fits.inlier_ratio, 0).astype(np.float32)
+    quality = np.where(is_fitted, fits.inlier_ratio, 0).astype(np.float32)[stage.graph.labels]
     return _literal(stage, np.where(np.isnan(values), stage.given, values), ~np.isnan(values),
-                    PlaneMap(values, quality[stage.graph.labels], values, values), segments, threads)
+                    PlaneMap(values, quality, values, values), segments, threads)
 
 
 def project_guarded(stage: PlaneStage, params: PlaneParams, threads: int = 1) -> Projected:
@@ -121,7 +121,7 @@ def project_guarded(stage: PlaneStage, params: PlaneParams, threads: int = 1) ->
     if np.isnan(maps[0]).any():  # not one disparity came
         return project_off(stage, params, threads)
     odds = log_odds(maps, stage.given, planes, stage.evidence, threads)
-    which = choose(maps, odds, stage.given, stage.graph.weights, threads)[np.newaxis]
+    which = choose(maps, odds, stage.given, stage.graph.weights)[np.newaxis]
     values = np.take_along_axis(maps, which, axis=0)[0]
     chosen = settle(np.take_along_axis(odds, which, axis=0)[0], stage.graph.weights)
     return Projected(Choice(stage.given, values, which[0] > 0), chosen, segments)

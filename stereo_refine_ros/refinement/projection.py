@@ -44,6 +44,7 @@ def fill_along_planes(values: FloatMap, labels: LabelMap, planes: NDArray[np.flo
     values : float32 ndarray of shape (H, W)
         NaN where there is a hole.
     labels : int32 ndarray of shape (H, W)
+        Segment of every pixel.
     planes : float64 ndarray of shape (N, 5)
         Of every segment, NaN for none: then its pixel's own disparity goes on.
     low, high : float

@@ -70,10 +70,10 @@ RING = np.array([
 REACH, REACH_GROWTH = 1.0, 0.1
 # Likelihood, grey levels: a neighbour that differs by this counts half.
 COLOR_SCALE = 8.0
-# Likelihood, pixels of disparity: more within 5x5 is a step.
+# Likelihood, pixels of disparity: more between a pixel and one two away is a step.
 STEP = 2.5
-# Likelihood, pixels of the grid: windows of the roughness of the map given and of a candidate.
-LOCAL_WINDOW, BEND_WINDOW = 9, 5
+# Likelihood, pixels of the grid: window of the roughness of the map given.
+LOCAL_WINDOW = 9
 # Likelihood, pixels of the grid: window over how unique matches are around a pixel, and by how
 # much those at full and at half resolution differ.
 AROUND_WINDOW = 9
@@ -93,3 +93,15 @@ MARGIN_HOLE = 0.2
 MARGIN_GIVEN, MARGIN_SLOPE, MARGINS = 1.5, 2.0, (0.7, 5.0)
 # Planes, ratio: what an adopted plane is believed like: as one with so many inliers.
 ADOPTED_QUALITY = 0.3
+# In time, grey levels: a pixel stands still where no blurred grey level within 5x5 changed by
+# more than this, and by so many standard deviations of the noise.
+UNCHANGED, UNCHANGED_NOISE = 2.0, 1.5
+# In time, pixels of disparity: a smaller change is noise of one surface.
+SAME_SURFACE = 1.0
+# In time, frames: so many are averaged at most. Larger: steadier; what moves together is followed
+# at once whatever this is.
+FRAMES_AVERAGED = 5
+# In time, pixels: window over which what moves together is found.
+FOLLOW_WINDOW = 15
+# In time, ratio: what is left of the last frame's confidence in each next one.
+FADE_OF_LAST = 0.85
