@@ -56,7 +56,8 @@ GRADIENT_CAP = 14
 # Larger: noise and repetition outvote the rest (28: ETH3D 8.7).
 CENSUS_CAP = 20
 # Scanline cost, pixels: the steps that the two censuses look at. One at stride 1 alone makes
-# 5.8 / 12.9 / 18.4 / 9.0; a second at stride 2 4.7 / 9.0 / 18.3 / 9.3, at 3 4.5 / 8.7 / 18.3 / 9.4.
+# 5.8 / 12.9 / 18.4 / 9.0; a second at stride 2 4.7 / 9.0 / 18.3 / 9.3, at 3 4.5 / 8.7 / 18.3 /
+# 9.4.
 CENSUS_STRIDES = (1, 3)
 # Scanline cost, pixels: the blur before the second census. 5x5: lab and Middlebury lose 0.5.
 CENSUS_BLUR = (3, 3)
