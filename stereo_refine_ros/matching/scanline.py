@@ -21,15 +21,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.images import to_grey
+from stereo_refine_ros.images import halve, to_grey
 from stereo_refine_ros.matching.features import feature_planes, flat_steps
 from stereo_refine_ros.matching.islands import without_islands
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.scanline_paths import band_kernel, work_size
 from stereo_refine_ros.matching.scratch import scratch
 from stereo_refine_ros.matching.tuning import (
-    CENSUS_CAP, EDGE_FACTOR, EDGE_STEP, GRADIENT_CAP, OUT_OF_VIEW, PENALTIES)
+    CENSUS_CAP, EDGE_FACTOR, EDGE_STEP, FULL_RANGE, GRADIENT_CAP, OUT_OF_VIEW, PENALTIES, WINDOW)
 from stereo_refine_ros.matching.vector_twins import LANES_PER_ITEM, PLANES
+from stereo_refine_ros.matching.windows import half_range, windows
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.threads import run_bands, start
 from stereo_refine_ros.types import DisparityMap, FloatMap, StereoPair
@@ -99,11 +100,18 @@ def scan(pair: StereoPair, min_disparity: int, num_disparities: int, threads: in
     """
     if pair.right is None:
         raise ValueError('scanline: needs the right image')
-    return _scan_windows(pair, min_disparity, num_disparities, _ONE_WINDOW, threads, edge_step)
+    base, count = _ONE_WINDOW, num_disparities
+    if num_disparities > FULL_RANGE:
+        half = scan(StereoPair(halve(pair.left), halve(pair.right)),
+                    *half_range(min_disparity, num_disparities), threads, edge_step)
+        base = windows(without_islands(half.disparity), pair.shape, min_disparity,
+                       num_disparities)
+        count = WINDOW
+    return scan_windows(pair, min_disparity, count, base, threads, edge_step)
 
 
-def _scan_windows(pair: StereoPair, min_disparity: int, num_disparities: int,
-                  base: NDArray[np.int32], threads: int, edge_step: float) -> Scan:
+def scan_windows(pair: StereoPair, min_disparity: int, num_disparities: int,
+                 base: NDArray[np.int32], threads: int, edge_step: float) -> Scan:
     """Match every pixel over the `num_disparities` that begin `base` after `min_disparity`."""
     assert pair.right is not None
     height, width = pair.shape

@@ -71,6 +71,9 @@ PENALTIES = ((55, 147), (33, 114))
 # Scanline penalties, ratio: what is left of them across an edge of the left view, and grey levels
 # that make a step an edge.
 EDGE_FACTOR, EDGE_STEP = 0.25, 20
+# Scanline, pixels: with more disparities than FULL_RANGE, half size comes first, and full size in
+# windows of WINDOW around it that hold the pixel's own value at least WINDOW_MARGIN inside.
+FULL_RANGE, WINDOW, WINDOW_MARGIN = 256, 32, 3
 # Scanline, parts of the image: matched regions smaller than one part in this many are chance.
 ISLANDS = 3500
 # Scanline, units of cost summed over the paths: what `uniqueness` counts as one.
