@@ -137,6 +137,19 @@ class _Vectors:
         best = self.least_of(best, self.add(floor, self.byte(large)))
         return self.add(cost, self.builder.sub(best, floor))
 
+    def near(self, lane: Any) -> Any:
+        """Mark the lanes that are at most 2 from one (int64)."""
+        build = self.builder
+        kind = ir.IntType(self.width)
+        place = lane if self.width == 64 else (
+            build.zext(lane, kind) if self.width > 64 else build.trunc(lane, kind))
+        here = build.shl(ir.Constant(kind, 1), place)
+        marks = here
+        for step in (1, 2):
+            by = ir.Constant(kind, step)
+            marks = build.or_(marks, build.or_(build.shl(here, by), build.lshr(here, by)))
+        return build.bitcast(marks, ir.VectorType(ir.IntType(1), self.width))
+
     def first_equal(self, a: Any, value: Any) -> Any:
         """Return the first lane that holds a value (int64), as int64."""
         build = self.builder
@@ -254,10 +267,7 @@ def step_last(typing, lanes, row, begin, least, small, large, end, cost, at, tot
         v.store(total, v.array(9), args[10])
         most = v.least(total)
         lane = v.first_equal(total, most)
-        lanes_ = ir.Constant(v.words, list(range(v.width)))
-        far = builder.icmp_unsigned(
-            '>', v.difference(lanes_, v.splat(builder.trunc(lane, _I16))), v.constant(2, _I16))
-        second = v.least(builder.select(far, total, v.constant(65535, _I16)))
+        second = v.least(builder.select(v.near(lane), v.constant(65535, _I16), total))
         found = builder.or_(v.least(along), builder.shl(lane, v.index(8)))
         found = builder.or_(found, builder.shl(most, v.index(24)))
         return builder.or_(found, builder.shl(second, v.index(40)))
