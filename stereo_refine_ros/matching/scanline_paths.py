@@ -34,26 +34,28 @@ from __future__ import annotations
 from numba import config, njit
 import numpy as np
 
-from stereo_refine_ros.matching.scanline_rows import cost_row, plan_column, plan_rows
+from stereo_refine_ros.matching.scanline_rows import match_row, plan_column, plan_rows
 from stereo_refine_ros.matching.scanline_winners import finish_row
 
 if config.DISABLE_JIT:
     from stereo_refine_ros.matching.vector_twins import (
-        LANES_PER_ITEM, step_both, step_column, step_column_keeping, step_last)
+        LANES_PER_ITEM, step_both, step_column, step_last)
 else:
     from stereo_refine_ros.matching.vector_steps import (
-        LANES_PER_ITEM, step_both, step_column, step_column_keeping, step_last)
+        LANES_PER_ITEM, step_both, step_column, step_last)
 
 LAG = 8
 STRIP = 48
 RUN_UP = 12
+# Rows whose costs are at hand: those of a strip, and of the run-up below it.
+_RING = STRIP + RUN_UP
 _ROW_STATES = 4
 
 
 def work_size(width: int, lane_count: int, has_windows: bool) -> int:
     """Return how many bytes `band_kernel` works in; as many again at most hold its totals."""
     return (4 * width * _layout(lane_count, has_windows)[2]
-            + (1 + 2 * STRIP) * width * lane_count)
+            + (1 + STRIP + _RING) * width * lane_count)
 
 
 @njit(cache=True, nogil=True)
@@ -90,7 +92,7 @@ def band_kernel(start, stop, lanes, views, base, flat, settings, work, out):
     column, up = arena[:2 * half], arena[2 * half:4 * half]
     spare = arena[4 * half:4 * half + row]
     kept = arena[4 * half + row:4 * half + (1 + STRIP) * row]
-    cost = arena[4 * half + (1 + STRIP) * row:4 * half + (1 + 2 * STRIP) * row]
+    cost = arena[4 * half + (1 + STRIP) * row:4 * half + (1 + STRIP + _RING) * row]
     column_least, up_least = np.zeros(width, np.uint8), np.zeros(width, np.uint8)
     row_offset = 3 * lane_count + 32
     row_state = 2 * row_offset
@@ -102,33 +104,30 @@ def band_kernel(start, stop, lanes, views, base, flat, settings, work, out):
     _reset_column(column, column_least, before, stride, lane_count)
     here, there = 0, half
     for y in range(first, start):
-        cost_row(y, lanes, views, base, settings, spare, 0)
         plan_column(y, max(y - 1, first), y, base, flat, settings, before, stride, shift_limit,
-                     plan[0])
-        for x in range(width):
-            large = np.int64(plan[0, 5, x])
-            column_least[x] = step_column(
-                lanes, column, here + np.int64(plan[0, 4, x]), np.int64(column_least[x]),
-                large & 255, large >> 8, there + before + x * stride, spare, x * lane_count)
+                    plan[0])
+        match_row(y, lanes, views, base, settings, spare, 0, column, here, there + before, stride,
+                  column_least, plan[0], spare, 0)
         here, there = there, here
+    known = start
     for top in range(start, stop, STRIP):
         end = min(top + STRIP, stop)
-        _upward(top, end, lanes, views, base, flat, settings, before, stride, shift_limit,
-                up, up_least, cost, spare, kept, plan)
+        known = _upward(top, end, known, lanes, views, base, flat, settings, before, stride,
+                        shift_limit, up, up_least, cost, spare, kept, plan)
         y = top
         while y < end:
             two = y + 1 < end
-            at = (y - top) * row
+            at, next_at = y % _RING * row, (y + 1) % _RING * row
             for k in range(2 if two else 1):
                 plan_rows(y + k, base, flat, settings, shift_limit, lane_count, plan[k])
                 plan_column(y + k, max(y + k - 1, first), y + k, base, flat, settings, before,
                              stride, shift_limit, plan[k])
             _reset_rows(row_states, row_state, row_offset, lane_count)
             _ahead(lanes, row_states, row_state, row_offset, column, here, there, before, stride,
-                   column_least, cost, total, at, row, plan, two)
+                   column_least, cost, total, at, next_at, row, plan, two)
             _reset_rows(row_states, row_state, row_offset, lane_count)
-            _back(lanes, row_states, row_state, row_offset, cost, total, kept, at, row, plan,
-                  found, two)
+            _back(lanes, row_states, row_state, row_offset, cost, total, kept, at, next_at,
+                  (y - top) * row, row, plan, found, two)
             for k in range(2 if two else 1):
                 finish_row(y + k, lanes, base, settings[2], settings[4], found[k], total, k * row,
                            scratch, out)
@@ -153,9 +152,13 @@ def _reset_rows(states, size, offset, lane_count):
 
 
 @njit(cache=True, nogil=True)
-def _upward(top, end, lanes, views, base, flat, settings, before, stride, shift_limit,
+def _upward(top, end, known, lanes, views, base, flat, settings, before, stride, shift_limit,
             state, least, cost, spare, kept, plan):
-    """Fill the costs of a strip, and the values of the path that comes up from below it."""
+    """
+    Keep the values of the path that comes up from below a strip, for every row of the strip.
+
+    The costs of rows from `known` on are found on the way; returns the first row without.
+    """
     width = least.shape[0]
     lane_count = len(lanes) * LANES_PER_ITEM
     row = width * lane_count
@@ -165,28 +168,25 @@ def _upward(top, end, lanes, views, base, flat, settings, before, stride, shift_
     for y in range(last, top - 1, -1):
         below = min(y + 1, last)
         plan_column(y, below, below, base, flat, settings, before, stride, shift_limit, plan[0])
-        if y >= end:
-            cost_row(y, lanes, views, base, settings, spare, 0)
+        at = y % _RING * row
+        to, keep_at = (kept, (y - top) * row) if y < end else (spare, 0)
+        if y >= known:
+            match_row(y, lanes, views, base, settings, cost, at, state, here, there + before,
+                      stride, least, plan[0], to, keep_at)
+        else:
             for x in range(width):
                 large = np.int64(plan[0, 5, x])
                 least[x] = step_column(
                     lanes, state, here + np.int64(plan[0, 4, x]), np.int64(least[x]),
-                    large & 255, large >> 8, there + before + x * stride, spare, x * lane_count)
-        else:
-            at = (y - top) * row
-            cost_row(y, lanes, views, base, settings, cost, at)
-            for x in range(width):
-                large = np.int64(plan[0, 5, x])
-                least[x] = step_column_keeping(
-                    lanes, state, here + np.int64(plan[0, 4, x]), np.int64(least[x]),
                     large & 255, large >> 8, there + before + x * stride, cost,
-                    at + x * lane_count, kept, at + x * lane_count)
+                    at + x * lane_count, to, keep_at + x * lane_count)
         here, there = there, here
+    return last + 1
 
 
 @njit(cache=True, nogil=True)
 def _ahead(lanes, rows, size, offset, column, here, there, before, stride, least, cost, total, at,
-           row, plan, two):
+           next_at, row, plan, two):
     """Run the rightward and the downward path over one row, and over the next if there is one."""
     width = least.shape[0]
     lane_count = len(lanes) * LANES_PER_ITEM
@@ -210,13 +210,14 @@ def _ahead(lanes, rows, size, offset, column, here, there, before, stride, least
                 lanes, rows, 2 * size + now + np.int64(plan[1, 0, x]), second_least, p & 255,
                 p >> 8, 3 * size - now + begin, column, there + np.int64(plan[1, 4, x]),
                 np.int64(least[x]), q & 255, q >> 8, here + before + x * stride, cost,
-                at + row + x * lane_count, total, row + x * lane_count, offset)
+                next_at + x * lane_count, total, row + x * lane_count, offset)
             second_least = both & 255
             least[x] = both >> 8
 
 
 @njit(cache=True, nogil=True)
-def _back(lanes, rows, size, offset, cost, total, kept, at, row, plan, found, two):
+def _back(lanes, rows, size, offset, cost, total, kept, at, next_at, kept_at, row, plan, found,
+          two):
     """Run the leftward path over one row or two, add all paths and find the winners."""
     width = found.shape[1]
     lane_count = len(lanes) * LANES_PER_ITEM
@@ -229,14 +230,14 @@ def _back(lanes, rows, size, offset, cost, total, kept, at, row, plan, found, tw
         one = step_last(
             lanes, rows, now + np.int64(plan[0, 2, x]), first_least, p & 255, p >> 8,
             size - now + begin, cost, at + x * lane_count, total, x * lane_count, kept,
-            at + x * lane_count, offset)
+            kept_at + x * lane_count, offset)
         first_least = one & 255
         found[0, x] = one >> 8
         if two:
             p = np.int64(plan[1, 3, x])
             one = step_last(
                 lanes, rows, 2 * size + now + np.int64(plan[1, 2, x]), second_least, p & 255,
-                p >> 8, 3 * size - now + begin, cost, at + row + x * lane_count, total,
-                row + x * lane_count, kept, at + row + x * lane_count, offset)
+                p >> 8, 3 * size - now + begin, cost, next_at + x * lane_count, total,
+                row + x * lane_count, kept, kept_at + row + x * lane_count, offset)
             second_least = one & 255
             found[1, x] = one >> 8

@@ -20,25 +20,30 @@ from numba import config, njit
 import numpy as np
 
 if config.DISABLE_JIT:
-    from stereo_refine_ros.matching.vector_twins import LANES_PER_ITEM, pixel_cost
+    from stereo_refine_ros.matching.vector_twins import LANES_PER_ITEM, match_column
 else:
-    from stereo_refine_ros.matching.vector_steps import LANES_PER_ITEM, pixel_cost
+    from stereo_refine_ros.matching.vector_steps import LANES_PER_ITEM, match_column
 
 
 @njit(cache=True, nogil=True)
-def cost_row(y, lanes, views, base, settings, cost, to):
-    """Fill the costs of a row; a partner outside the right view costs the same for all."""
+def match_row(y, lanes, views, base, settings, cost, to, column, here, there, stride, least, plan,
+              kept, keep_at):
+    """Find the costs of a row, and take the path along its columns over it."""
     limits, _, min_disparity, margin, _ = settings
     left, right, mask, outside, size = views
-    width = outside.shape[0] - 2 * margin
+    width = least.shape[0]
     lane_count = len(lanes) * LANES_PER_ITEM
     begin = margin + y * width
     has_windows = base.shape[0] > 1
     for x in range(width):
         first = min_disparity + (np.int64(base[y, x]) if has_windows else 0)
         seat = width - 1 - x + min(max(first, -margin), width)
-        pixel_cost(lanes, left, right, size, mask, outside, limits[0], limits[1], begin + x,
-                   begin + seat, margin + seat, cost, to + x * lane_count)
+        large = np.int64(plan[5, x])
+        least[x] = match_column(
+            lanes, left, right, size, mask, outside, limits[0], limits[1], begin + x,
+            begin + seat, margin + seat, cost, to + x * lane_count, column,
+            here + np.int64(plan[4, x]), np.int64(least[x]), large & 255, large >> 8,
+            there + x * stride, kept, keep_at + x * lane_count)
 
 
 @njit(cache=True, nogil=True)

@@ -165,33 +165,41 @@ class _Vectors:
             return build.zext(place, _I64)
         return place if self.width == 64 else build.trunc(place, _I64)
 @intrinsic
-def pixel_cost(typing, lanes, left, right, size, mask, outside, slope_limit, census_limit, at,
-               partner, seat, out, to):
+def match_column(typing, lanes, left, right, size, mask, outside, slope_limit, census_limit, at,
+                 partner, seat, cost, to, column, begin, least, small, large, end, kept, keep_at):
     """
-    Compare a pixel with its partners: min(slopes, limit) + min(census bits, limit).
+    Compare a pixel with its partners, and take the path along its column on to it.
 
-    `left` and `right` hold PLANES planes of `size` bytes: two gradients, then bytes of a census.
-    Lanes where `outside` is not 0, from `seat` on, cost what stands there; lanes whose `mask` is
-    255 become 255.
+    The cost is min(slopes, limit) + min(census bits, limit). `left` and `right` hold PLANES
+    planes of `size` bytes: two gradients, then bytes of a census. Lanes where `outside` is not
+    0, from `seat` on, cost what stands there; lanes whose `mask` is 255 become 255. Returns the
+    least value of the path; its values are copied to kept[keep_at].
     """
-    signature = types.void(lanes, left, right, _Index, mask, outside, *[_Index] * 5, out, _Index)
+    signature = types.int64(lanes, left, right, _Index, mask, outside, *[_Index] * 5, cost,
+                            _Index, column, *[_Index] * 5, kept, _Index)
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         v = _Vectors(context, builder, signature, args)
-        here = [v.splat(builder.load(place)) for place in v.planes(1, args[3], args[8])]
-        there = [v.load(place, v.index(0)) for place in v.planes(2, args[3], args[9])]
-        slope = v.add(v.difference(here[0], there[0]), v.difference(here[1], there[1]))
-        bits = None
-        for a, b in zip(here[2:], there[2:], strict=True):
-            part = v.bit_count(builder.xor(a, b))
-            bits = part if bits is None else builder.add(bits, part)
-        cost = builder.add(v.least_of(slope, v.byte(6)), v.least_of(bits, v.byte(7)))
-        veil = v.load(v.array(5), args[10])
-        cost = builder.select(builder.icmp_unsigned('==', veil, v.constant(0)), cost, veil)
-        cost = builder.or_(cost, v.load(v.array(4), v.index(0)))
-        v.store(cost, v.array(11), args[12])
-        return context.get_dummy_value()
+        fresh = _cost(v, builder, args)
+        v.store(fresh, v.array(11), args[12])
+        values = _advance_column(v, builder, v.array(13), args[14], args[18], (15, 16, 17), fresh)
+        v.store(values, v.array(19), args[20])
+        return v.least(values)
     return signature, generate
+
+
+def _cost(v: _Vectors, builder: Any, args: Any) -> Any:
+    here = [v.splat(builder.load(place)) for place in v.planes(1, args[3], args[8])]
+    there = [v.load(place, v.index(0)) for place in v.planes(2, args[3], args[9])]
+    slope = v.add(v.difference(here[0], there[0]), v.difference(here[1], there[1]))
+    bits = None
+    for a, b in zip(here[2:], there[2:], strict=True):
+        part = v.bit_count(builder.xor(a, b))
+        bits = part if bits is None else builder.add(bits, part)
+    cost = builder.add(v.least_of(slope, v.byte(6)), v.least_of(bits, v.byte(7)))
+    veil = v.load(v.array(5), args[10])
+    cost = builder.select(builder.icmp_unsigned('==', veil, v.constant(0)), cost, veil)
+    return builder.or_(cost, v.load(v.array(4), v.index(0)))
 
 
 @intrinsic
@@ -219,21 +227,12 @@ def step_both(typing, lanes, row, row_from, row_least, row_small, row_large, row
 
 
 @intrinsic
-def step_column(typing, lanes, column, begin, least, small, large, end, cost, at):
-    """Take the path along a column a pixel on; returns its least value."""
-    signature = types.int64(lanes, column, *[_Index] * 5, cost, _Index)
+def step_column(typing, lanes, column, begin, least, small, large, end, cost, at, kept, to):
+    """
+    Take the path along a column a pixel on.
 
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        v = _Vectors(context, builder, signature, args)
-        fresh = v.load(v.array(7), args[8])
-        return v.least(_advance_column(v, builder, v.array(1), args[2], args[6], (3, 4, 5), fresh))
-    return signature, generate
-
-
-@intrinsic
-def step_column_keeping(typing, lanes, column, begin, least, small, large, end, cost, at,
-                        kept, to):
-    """As `step_column`, and a copy of the values at kept[to]."""
+    Returns its least value; its values are copied to kept[to].
+    """
     signature = types.int64(lanes, column, *[_Index] * 5, cost, _Index, kept, _Index)
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:

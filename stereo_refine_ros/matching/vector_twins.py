@@ -32,18 +32,20 @@ Bytes = NDArray[np.uint8]
 _BITS = np.array([bin(byte).count('1') for byte in range(256)])
 
 
-def pixel_cost(lanes: Lanes, left: Bytes, right: Bytes, size: int, mask: Bytes, outside: Bytes,
-               slope_limit: int, census_limit: int, at: int, partner: int, seat: int, out: Bytes,
-               to: int) -> None:
-    """Compare a pixel with its partners."""
+def match_column(lanes: Lanes, left: Bytes, right: Bytes, size: int, mask: Bytes, outside: Bytes,
+                 slope_limit: int, census_limit: int, at: int, partner: int, seat: int,
+                 cost: Bytes, to: int, column: Bytes, begin: int, least: int, small: int,
+                 large: int, end: int, kept: Bytes, keep_at: int) -> int:
+    """Compare a pixel with its partners, and take the path along its column on to it."""
     width = len(lanes) * LANES_PER_ITEM
     here = [int(left[k * size + at]) for k in range(PLANES)]
     there = [_part(right, k * size + partner, width) for k in range(PLANES)]
     slope = sum(np.abs(here[k] - there[k]) for k in range(2))
     bits = sum(_BITS[here[k] ^ there[k]] for k in range(2, PLANES))
-    cost = np.minimum(slope, slope_limit) + np.minimum(bits, census_limit)
+    fresh = np.minimum(slope, slope_limit) + np.minimum(bits, census_limit)
     veil = _part(outside, seat, width)
-    out[to:to + width] = np.where(veil == 0, cost, veil) | mask[:width]
+    cost[to:to + width] = np.where(veil == 0, fresh, veil) | mask[:width]
+    return step_column(lanes, column, begin, least, small, large, end, cost, to, kept, keep_at)
 
 
 def step_both(lanes: Lanes, row: Bytes, row_from: int, row_least: int, row_small: int,
@@ -61,16 +63,8 @@ def step_both(lanes: Lanes, row: Bytes, row_from: int, row_least: int, row_small
 
 
 def step_column(lanes: Lanes, column: Bytes, begin: int, least: int, small: int, large: int,
-                end: int, cost: Bytes, at: int) -> int:
+                end: int, cost: Bytes, at: int, kept: Bytes, to: int) -> int:
     """Take the path along a column a pixel on; returns its least value."""
-    fresh = _part(cost, at, len(lanes) * LANES_PER_ITEM)
-    return int(_advance_column(column, begin, end, (least, small, large), fresh).min())
-
-
-def step_column_keeping(lanes: Lanes, column: Bytes, begin: int, least: int, small: int,
-                        large: int, end: int, cost: Bytes, at: int, kept: Bytes,
-                        to: int) -> int:
-    """As `step_column`, and a copy of the values at kept[to]."""
     width = len(lanes) * LANES_PER_ITEM
     values = _advance_column(column, begin, end, (least, small, large), _part(cost, at, width))
     kept[to:to + width] = values

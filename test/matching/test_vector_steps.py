@@ -24,7 +24,7 @@ from stereo_refine_ros.matching import vector_steps, vector_twins
 pytestmark = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason='there is only the twin without the compiler')
 
-STEPS = ('pixel_cost', 'step_both', 'step_column', 'step_column_keeping', 'step_last')
+STEPS = ('match_column', 'step_both', 'step_column', 'step_last')
 
 
 def arguments(name, width, seed):
@@ -41,13 +41,12 @@ def arguments(name, width, seed):
     offset = 3 * width + 32
     cost, total = some(3 * width, 35), some(2 * width, 600, np.uint16)
     return {
-        'pixel_cost': lambda: (some(8 * 2 * width), some(8 * 2 * width), 2 * width,
-                               np.where(np.arange(width) < width - 3, 0, 255).astype(np.uint8),
-                               some(2 * width, 2) * np.uint8(22), 14, 20, 3, 5, 7,
-                               some(2 * width), 9),
+        'match_column': lambda: (some(8 * 2 * width), some(8 * 2 * width), 2 * width,
+                                 np.where(np.arange(width) < width - 3, 0, 255).astype(np.uint8),
+                                 some(2 * width, 2) * np.uint8(22), 14, 20, 3, 5, 7, cost, 9,
+                                 state, *move, some(2 * width), 3),
         'step_both': lambda: (*row, state, *move, cost, 11, total, 5, offset),
-        'step_column': lambda: (state, *move, cost, 7),
-        'step_column_keeping': lambda: (state, *move, cost, 7, some(2 * width), 3),
+        'step_column': lambda: (state, *move, cost, 7, some(2 * width), 3),
         'step_last': lambda: (*row, cost, 11, total, 5, some(2 * width), 8, offset),
     }[name]()
 
