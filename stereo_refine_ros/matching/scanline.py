@@ -37,7 +37,8 @@ from stereo_refine_ros.types import DisparityMap, FloatMap, StereoPair
 
 __all__ = ['Scan', 'match_scanline', 'scan', 'without_islands']
 
-_LANES = (16, 32, 64, 96, 128, 160, 192, 256)
+# Powers of two: vectors of other widths are taken apart, 96 lanes cost more than 128 do.
+_LANES = (32, 64, 128, 256)
 # Fixed, so that the result does not depend on the number of threads.
 _BANDS = 4
 _ONE_WINDOW = np.zeros((1, 1), np.int32)
