@@ -23,7 +23,8 @@ cache, and each thread needs a strip's costs only. Bands of rows are fixed, so t
 depend on the number of threads.
 
 A pixel may look at a window of the disparities that begins at its own `base`: paths are shifted
-by the difference of two windows.
+by the difference of two windows. What lies outside the window of the pixel before is a wall; along
+rows so is the neighbour just inside it, seen from the first disparity outside.
 
 Helpers that take arrays inside the loops over x would count references there, and signed indices
 add tests for wrapping: hence flat arrays, offsets laid out row by row, and plain loops.
