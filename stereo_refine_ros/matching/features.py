@@ -16,76 +16,122 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.images import pad
 from stereo_refine_ros.matching.tuning import CENSUS_BLUR, CENSUS_STRIDES
+from stereo_refine_ros.matching.vector_twins import PLANES
 from stereo_refine_ros.types import Image
 
-Planes = tuple[NDArray[np.uint8], ...]
+Bytes = NDArray[np.uint8]
 
 _FLAT = 128  # a gradient of zero
 
 
-def feature_planes(grey: Image, is_mirrored: bool, margin: int) -> Planes:
+def feature_planes(grey: Image, is_mirrored: bool, margin: int, out: Bytes) -> None:
     """
     Lay out the features of a view for the vector steps.
+
+    Gradient along x and y (128 is none), three bytes of the 5x5 census, three bytes of the 5x5
+    census of the blurred view that looks CENSUS_STRIDES[1] pixels a step.
 
     Parameters
     ----------
     grey : uint8 ndarray of shape (H, W)
+        The view.
     is_mirrored : bool
         Mirror the columns, so that growing disparity runs forward in memory.
     margin : int
-        Entries before the first pixel and behind the last.
-
-    Returns
-    -------
-    eight flat uint8 arrays of length H * W + 2 * margin
-        Gradient along x and y (128 is none), three bytes of the 5x5 census, three bytes of the
-        5x5 census of the blurred view that looks CENSUS_STRIDES[1] pixels a step.
+        Entries of a plane before the first pixel and behind the last; left as they are.
+    out : uint8 ndarray of length PLANES * (H * W + 2 * margin)
+        Filled plane after plane.
 
     """
     if is_mirrored:
         grey = cv2.flip(grey, 1).reshape(grey.shape)
     height, width = grey.shape
-    flat = np.zeros((8, height * width + 2 * margin), np.uint8)
-    maps = flat[:, margin:margin + height * width].reshape(8, height, width)
+    maps = out.reshape(PLANES, -1)[:, margin:margin + height * width].reshape(
+        PLANES, height, width)
     sign = -1 if is_mirrored else 1
-    _gradient_kernel(cv2.copyMakeBorder(grey, 1, 1, 1, 1, cv2.BORDER_REPLICATE), sign, maps[:2])
+    _gradient_kernel(pad(grey, (1, 1), (1, 1)), sign, maps[:2])
     for i, stride in enumerate(CENSUS_STRIDES):
         source = grey if i == 0 else cv2.blur(grey, CENSUS_BLUR).reshape(grey.shape)
-        reach = 2 * stride
-        wide = cv2.copyMakeBorder(source, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
-        _census_kernel(wide, stride, sign * stride, maps[2 + 3 * i:5 + 3 * i])
-    return tuple(flat)
+        reach = (2 * stride, 2 * stride)
+        _census_kernel(pad(source, reach, reach), stride, sign * stride, maps[2 + 3 * i:5 + 3 * i])
+
+
+def flat_steps(image: Image, edge_step: float) -> tuple[Bytes, Bytes]:
+    """
+    Mark the steps from the left and from above that cross no edge.
+
+    Parameters
+    ----------
+    image : uint8 ndarray of shape (H, W) or (H, W, 3)
+        Grey or colour.
+    edge_step : float, grey levels
+        A difference of at least this in any channel is an edge.
+
+    Returns
+    -------
+    two uint8 ndarrays of shape (H, W)
+        1 where there is no edge, also in the first column and the first row.
+
+    """
+    limit = min(max(math.ceil(edge_step) - 1, -1), 255)
+    flat = np.ones((2, *image.shape[:2]), np.uint8)
+    for channel in (image,) if image.ndim == 2 else cv2.split(image):
+        _flat_kernel(np.ascontiguousarray(channel).reshape(image.shape[:2]), limit, flat)
+    return flat[0], flat[1]
+
+
+@njit(cache=True, nogil=True)
+def _flat_kernel(channel, limit, flat):
+    height, width = channel.shape
+    most = np.int16(limit)
+    for y in range(height):
+        here, along, down = channel[y], flat[0, y], flat[1, y]
+        before, after = here[:width - 1], here[1:]
+        along = along[1:]
+        for x in range(width - 1):
+            step = np.int16(abs(np.int16(after[x]) - np.int16(before[x])))
+            along[x] &= np.uint8(step <= most)
+        if y > 0:
+            above = channel[y - 1]
+            for x in range(width):
+                step = np.int16(abs(np.int16(here[x]) - np.int16(above[x])))
+                down[x] &= np.uint8(step <= most)
 
 
 @njit(cache=True, nogil=True)
 def _gradient_kernel(padded, sign, out):
     height, width = out.shape[1:]
     for y in range(height):
+        here, above, below = padded[y + 1], padded[y], padded[y + 2]
+        after, before = here[1 + sign:], here[1 - sign:]
+        across_row, down_row = out[0, y], out[1, y]
         for x in range(width):
-            across = np.int32(padded[y + 1, x + 1 + sign]) - np.int32(padded[y + 1, x + 1 - sign])
-            along = np.int32(padded[y + 2, x + 1]) - np.int32(padded[y, x + 1])
-            out[0, y, x] = min(max(across, -127), 127) + _FLAT
-            out[1, y, x] = min(max(along, -127), 127) + _FLAT
+            across = np.int16(after[x]) - np.int16(before[x])
+            down = np.int16(below[x + 1]) - np.int16(above[x + 1])
+            across_row[x] = np.uint8(min(max(across, -127), 127) + _FLAT)
+            down_row[x] = np.uint8(min(max(down, -127), 127) + _FLAT)
 
 
 @njit(cache=True, nogil=True)
 def _census_kernel(padded, down, right, out):
     height, width = out.shape[1:]
     reach = 2 * down
-    for bit in range(24):
-        place = bit if bit < 12 else bit + 1
-        dy, dx = (place // 5 - 2) * down, (place % 5 - 2) * right
-        plane, flag = out[bit >> 3], np.uint8(1 << (bit & 7))
-        for y in range(height):
-            centre = padded[y + reach, reach:reach + width]
+    for y in range(height):
+        centre = padded[y + reach, reach:reach + width]
+        for bit in range(24):
+            place = bit if bit < 12 else bit + 1
+            dy, dx = (place // 5 - 2) * down, (place % 5 - 2) * right
             there = padded[y + reach + dy, reach + dx:reach + dx + width]
-            row = plane[y]
+            row, flag = out[bit >> 3, y], np.uint8(1 << (bit & 7))
             if bit & 7 == 0:
                 for x in range(width):
                     row[x] = flag if there[x] < centre[x] else np.uint8(0)

@@ -18,25 +18,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.images import to_grey
-from stereo_refine_ros.matching.features import feature_planes
+from stereo_refine_ros.images import halve, to_grey
+from stereo_refine_ros.matching.features import feature_planes, flat_steps
+from stereo_refine_ros.matching.islands import without_islands
 from stereo_refine_ros.matching.match import Match
-from stereo_refine_ros.matching.scanline_paths import band_kernel
+from stereo_refine_ros.matching.scanline_paths import band_kernel, work_size
+from stereo_refine_ros.matching.scratch import scratch
 from stereo_refine_ros.matching.tuning import (
-    CENSUS_CAP, EDGE_FACTOR, EDGE_STEP, GRADIENT_CAP, ISLANDS, OUT_OF_VIEW, PENALTIES,
-    UNIQUENESS_UNIT)
-from stereo_refine_ros.matching.vector_steps import LANES_PER_ITEM
+    CENSUS_CAP, EDGE_FACTOR, EDGE_STEP, FULL_RANGE, GRADIENT_CAP, OUT_OF_VIEW, PENALTIES, WINDOW)
+from stereo_refine_ros.matching.vector_twins import LANES_PER_ITEM, PLANES
+from stereo_refine_ros.matching.windows import half_range, windows
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.threads import run_bands, start
-from stereo_refine_ros.types import DisparityMap, FloatMap, Image, StereoPair
+from stereo_refine_ros.types import DisparityMap, FloatMap, StereoPair
 
-_LANES = (16, 32, 64, 96, 128, 160, 192, 256)
+__all__ = ['Scan', 'match_scanline', 'scan', 'without_islands']
+
+# Powers of two: vectors of other widths are taken apart, 96 lanes cost more than 128 do.
+_LANES = (32, 64, 128, 256)
 # Fixed, so that the result does not depend on the number of threads.
 _BANDS = 4
+_ONE_WINDOW = np.zeros((1, 1), np.int32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +77,21 @@ def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1) -
     return Match(DisparityMap(values, params.min_disparity, params.num_disparities), scan=found)
 
 
-def scan(pair: StereoPair, min_disparity: int, num_disparities: int, threads: int = 1) -> Scan:
+def scan(pair: StereoPair, min_disparity: int, num_disparities: int, threads: int = 1,
+         edge_step: float = EDGE_STEP) -> Scan:
     """
     Match a pair over [min_disparity, min_disparity + num_disparities).
+
+    Parameters
+    ----------
+    pair : StereoPair
+        uint8 images of shape (H, W) or (H, W, 3).
+    min_disparity, num_disparities : int, pixels
+        Any range; all of it may lie outside the view.
+    threads : int
+        The result does not depend on it.
+    edge_step : float, grey levels
+        A step of the left view from one pixel to the next of at least this is an edge.
 
     Raises
     ------
@@ -82,54 +99,52 @@ def scan(pair: StereoPair, min_disparity: int, num_disparities: int, threads: in
         Without a right image.
 
     """
+    if pair.right is None:
+        raise ValueError('scanline: needs the right image')
+    base, count = _ONE_WINDOW, num_disparities
+    if num_disparities > FULL_RANGE:
+        half = scan(StereoPair(halve(pair.left), halve(pair.right)),
+                    *half_range(min_disparity, num_disparities), threads, edge_step)
+        base = windows(without_islands(half.disparity), pair.shape, min_disparity,
+                       num_disparities)
+        count = WINDOW
+    return scan_windows(pair, min_disparity, count, base, threads, edge_step)
+
+
+def scan_windows(pair: StereoPair, min_disparity: int, num_disparities: int,
+                 base: NDArray[np.int32], threads: int, edge_step: float) -> Scan:
+    """Match every pixel over the `num_disparities` that begin `base` after `min_disparity`."""
     assert pair.right is not None
     height, width = pair.shape
     lanes = next(count for count in _LANES if count >= num_disparities)
-    margin = lanes + 2 * width
-    right_task = start(threads, feature_planes, to_grey(pair.right), True, margin)
-    left = feature_planes(to_grey(pair.left), False, margin)
+    margin = lanes + width
+    size = height * width + 2 * margin
     mask = np.zeros(lanes, np.uint8)
     mask[num_disparities:] = 255
-    subpixel = np.empty((height, width), np.float32)
-    least, second = np.empty((2, height, width), np.uint16)
-    seen = np.empty((height, width), np.int32)
-    args = ((0,) * (lanes // LANES_PER_ITEM), (left, right_task.result(), width), mask,
-            np.zeros((1, 1), np.int32), _flat_steps(pair.left),
-            ((GRADIENT_CAP, CENSUS_CAP), _penalties(), min_disparity, margin, OUT_OF_VIEW),
-            (subpixel, least, second, seen, np.empty(0, np.uint8)))
+    outside = np.full(width + 2 * margin, OUT_OF_VIEW, np.uint8)
+    outside[margin:margin + width] = 0
+    out = tuple(np.empty((height, width), np.float32) for _ in range(3))
+    working = work_size(width, lanes, base.shape[0] > 1)
+    totals = 4 * width * lanes
+    with scratch(PLANES * size) as left, scratch(PLANES * size) as right:
+        right_task = start(threads, feature_planes, to_grey(pair.right), True, margin, right)
+        feature_planes(to_grey(pair.left), False, margin, left)
+        flat = flat_steps(pair.left, edge_step)
+        right_task.result()
+        args = ((0,) * (lanes // LANES_PER_ITEM), (left, right, mask, outside, size), base, flat,
+                ((GRADIENT_CAP, CENSUS_CAP), _penalties(), min_disparity, margin,
+                 num_disparities - 1))
 
-    def bands(first: int, last: int) -> None:
-        for band in range(first, last):
-            band_kernel(height * band // _BANDS, height * (band + 1) // _BANDS, *args)
-    run_bands(bands, _BANDS, threads)
-    lead = second.astype(np.float32) - least
-    return Scan(subpixel, np.minimum(lead / np.float32(UNIQUENESS_UNIT), 2),
-                np.where(seen < min_disparity, np.nan, seen).astype(np.float32))
-
-
-def without_islands(disparity: FloatMap) -> FloatMap:
-    """Drop matched regions of like disparity that are smaller than a part in ISLANDS."""
-    # OpenCV's speckle filter works on 16-bit maps; 8 steps leave it room for 4096 disparities.
-    steps = np.where(np.isnan(disparity), -20000, disparity * 8).astype(np.int16)
-    kept = steps.copy()
-    cv2.filterSpeckles(kept, -20000, disparity.size // ISLANDS, 8)
-    return np.where(kept == steps, disparity, np.float32(np.nan))
+        def bands(first: int, last: int) -> None:
+            for band in range(first, last):
+                with scratch(totals + working) as work:
+                    band_kernel(height * band // _BANDS, height * (band + 1) // _BANDS, *args,
+                                (work[totals:], work[:totals].view(np.uint16)), out)
+        run_bands(bands, _BANDS, threads)
+    return Scan(*out)
 
 
 def _penalties() -> NDArray[np.int32]:
     """P1 and P2, int32 (2, 2, 2): by axis (rows first), then across an edge or not."""
     even = np.array(PENALTIES)
     return np.rint(np.stack([even * EDGE_FACTOR, even], axis=1)).astype(np.int32)
-
-
-def _flat_steps(image: Image) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Mark with 1 the steps from the left and from above that cross no edge."""
-    height, width = image.shape[:2]
-    channels = 1 if image.ndim == 2 else image.shape[2]
-    flat = np.ones((2, height, width), np.uint8)
-    low, high = (0,) * channels, (EDGE_STEP - 1,) * channels
-    if width > 1:
-        flat[0, :, 1:] = cv2.inRange(cv2.absdiff(image[:, 1:], image[:, :-1]), low, high) & 1
-    if height > 1:
-        flat[1, 1:] = cv2.inRange(cv2.absdiff(image[1:], image[:-1]), low, high) & 1
-    return flat[0], flat[1]

@@ -33,6 +33,8 @@ from numba import types
 from numba.extending import intrinsic
 
 LANES_PER_ITEM = 16
+# Features of a pixel: two gradients and six bytes of censuses.
+PLANES = 8
 
 _I8, _I16, _I32, _I64 = (ir.IntType(bits) for bits in (8, 16, 32, 64))
 _Index = types.intp
@@ -52,11 +54,12 @@ class _Vectors:
         return self.context.make_array(kind)(
             self.context, self.builder, self.args[position]).data
 
-    def arrays(self, position: int) -> list[Any]:
-        kind = self.signature.args[position]
-        return [self.context.make_array(kind.dtype)(
-            self.context, self.builder, self.builder.extract_value(self.args[position], i)).data
-            for i in range(kind.count)]
+    def planes(self, position: int, size: Any, index: Any) -> list[Any]:
+        """Point to one entry of every plane."""
+        places = [self.builder.gep(self.array(position), [index])]
+        for _ in range(PLANES - 1):
+            places.append(self.builder.gep(places[-1], [size]))
+        return places
 
     def byte(self, position: int) -> Any:
         return self.splat(self.builder.trunc(self.args[position], _I8))
@@ -129,12 +132,23 @@ class _Vectors:
 
         `least`, `small` and `large` are the positions of min L, P1 and P2 among the arguments.
         """
-        build = self.builder
         best = self.least_of(values, self.add(beside, self.byte(small)))
-        floor = self.args[least]
-        reach = build.trunc(build.add(floor, self.args[large]), _I8)
-        best = self.least_of(best, self.splat(reach))
-        return self.add(cost, build.sub(best, self.splat(build.trunc(floor, _I8))))
+        floor = self.byte(least)
+        best = self.least_of(best, self.add(floor, self.byte(large)))
+        return self.add(cost, self.builder.sub(best, floor))
+
+    def near(self, lane: Any) -> Any:
+        """Mark the lanes that are at most 2 from one (int64)."""
+        build = self.builder
+        kind = ir.IntType(self.width)
+        place = lane if self.width == 64 else (
+            build.zext(lane, kind) if self.width > 64 else build.trunc(lane, kind))
+        here = build.shl(ir.Constant(kind, 1), place)
+        marks = here
+        for step in (1, 2):
+            by = ir.Constant(kind, step)
+            marks = build.or_(marks, build.or_(build.shl(here, by), build.lshr(here, by)))
+        return build.bitcast(marks, ir.VectorType(ir.IntType(1), self.width))
 
     def first_equal(self, a: Any, value: Any) -> Any:
         """Return the first lane that holds a value (int64), as int64."""
@@ -150,34 +164,42 @@ class _Vectors:
         if self.width < 64:
             return build.zext(place, _I64)
         return place if self.width == 64 else build.trunc(place, _I64)
-
-
-
-
 @intrinsic
-def pixel_cost(typing, lanes, left, right, mask, slope_limit, census_limit, at, partner, out, to):
+def match_column(typing, lanes, left, right, size, mask, outside, slope_limit, census_limit, at,
+                 partner, seat, cost, to, column, begin, least, small, large, end, kept, keep_at):
     """
-    Compare a pixel with its partners: min(slopes, limit) + min(census bits, limit).
+    Compare a pixel with its partners, and take the path along its column on to it.
 
-    `left` and `right` are tuples of flat uint8 planes: two gradients, then bytes of a census.
-    Lanes whose `mask` is 255 become 255.
+    The cost is min(slopes, limit) + min(census bits, limit). `left` and `right` hold PLANES
+    planes of `size` bytes: two gradients, then bytes of a census. Lanes where `outside` is not
+    0, from `seat` on, cost what stands there; lanes whose `mask` is 255 become 255. Returns the
+    least value of the path; its values are copied to kept[keep_at].
     """
-    signature = types.void(lanes, left, right, mask, _Index, _Index, _Index, _Index, out, _Index)
+    signature = types.int64(lanes, left, right, _Index, mask, outside, *[_Index] * 5, cost,
+                            _Index, column, *[_Index] * 5, kept, _Index)
 
-    def generate(context, builder, signature, args):
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         v = _Vectors(context, builder, signature, args)
-        here = [v.splat(builder.load(builder.gep(plane, [args[6]]))) for plane in v.arrays(1)]
-        there = [v.load(plane, args[7]) for plane in v.arrays(2)]
-        slope = v.add(v.difference(here[0], there[0]), v.difference(here[1], there[1]))
-        bits = None
-        for a, b in zip(here[2:], there[2:]):
-            part = v.bit_count(builder.xor(a, b))
-            bits = part if bits is None else builder.add(bits, part)
-        cost = builder.add(v.least_of(slope, v.byte(4)), v.least_of(bits, v.byte(5)))
-        cost = builder.or_(cost, v.load(v.array(3), v.index(0)))
-        v.store(cost, v.array(8), args[9])
-        return context.get_dummy_value()
+        fresh = _cost(v, builder, args)
+        v.store(fresh, v.array(11), args[12])
+        values = _advance_column(v, builder, v.array(13), args[14], args[18], (15, 16, 17), fresh)
+        v.store(values, v.array(19), args[20])
+        return v.least(values)
     return signature, generate
+
+
+def _cost(v: _Vectors, builder: Any, args: Any) -> Any:
+    here = [v.splat(builder.load(place)) for place in v.planes(1, args[3], args[8])]
+    there = [v.load(place, v.index(0)) for place in v.planes(2, args[3], args[9])]
+    slope = v.add(v.difference(here[0], there[0]), v.difference(here[1], there[1]))
+    bits = None
+    for a, b in zip(here[2:], there[2:], strict=True):
+        part = v.bit_count(builder.xor(a, b))
+        bits = part if bits is None else builder.add(bits, part)
+    cost = builder.add(v.least_of(slope, v.byte(6)), v.least_of(bits, v.byte(7)))
+    veil = v.load(v.array(5), args[10])
+    cost = builder.select(builder.icmp_unsigned('==', veil, v.constant(0)), cost, veil)
+    return builder.or_(cost, v.load(v.array(4), v.index(0)))
 
 
 @intrinsic
@@ -194,7 +216,7 @@ def step_both(typing, lanes, row, row_from, row_least, row_small, row_large, row
     signature = types.int64(lanes, row, *[_Index] * 5, column, *[_Index] * 5, cost, _Index,
                             total, _Index, _Index)
 
-    def generate(context, builder, signature, args):
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         v = _Vectors(context, builder, signature, args)
         fresh = v.load(v.array(13), args[14])
         along = _advance_row(v, builder, v.array(1), args[2], args[6], args[17], (3, 4, 5), fresh)
@@ -205,24 +227,15 @@ def step_both(typing, lanes, row, row_from, row_least, row_small, row_large, row
 
 
 @intrinsic
-def step_column(typing, lanes, column, begin, least, small, large, end, cost, at):
-    """Take the path along a column a pixel on; returns its least value."""
-    signature = types.int64(lanes, column, *[_Index] * 5, cost, _Index)
+def step_column(typing, lanes, column, begin, least, small, large, end, cost, at, kept, to):
+    """
+    Take the path along a column a pixel on.
 
-    def generate(context, builder, signature, args):
-        v = _Vectors(context, builder, signature, args)
-        fresh = v.load(v.array(7), args[8])
-        return v.least(_advance_column(v, builder, v.array(1), args[2], args[6], (3, 4, 5), fresh))
-    return signature, generate
-
-
-@intrinsic
-def step_column_keeping(typing, lanes, column, begin, least, small, large, end, cost, at,
-                        kept, to):
-    """As `step_column`, and a copy of the values at kept[to]."""
+    Returns its least value; its values are copied to kept[to].
+    """
     signature = types.int64(lanes, column, *[_Index] * 5, cost, _Index, kept, _Index)
 
-    def generate(context, builder, signature, args):
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         v = _Vectors(context, builder, signature, args)
         fresh = v.load(v.array(7), args[8])
         values = _advance_column(v, builder, v.array(1), args[2], args[6], (3, 4, 5), fresh)
@@ -244,7 +257,7 @@ def step_last(typing, lanes, row, begin, least, small, large, end, cost, at, tot
     signature = types.int64(lanes, row, *[_Index] * 5, cost, _Index, total, _Index, up, _Index,
                             _Index)
 
-    def generate(context, builder, signature, args):
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         v = _Vectors(context, builder, signature, args)
         fresh = v.load(v.array(7), args[8])
         along = _advance_row(v, builder, v.array(1), args[2], args[6], args[13], (3, 4, 5), fresh)
@@ -253,29 +266,10 @@ def step_last(typing, lanes, row, begin, least, small, large, end, cost, at, tot
         v.store(total, v.array(9), args[10])
         most = v.least(total)
         lane = v.first_equal(total, most)
-        lanes_ = ir.Constant(v.words, list(range(v.width)))
-        far = builder.icmp_unsigned(
-            '>', v.difference(lanes_, v.splat(builder.trunc(lane, _I16))), v.constant(2, _I16))
-        second = v.least(builder.select(far, total, v.constant(65535, _I16)))
+        second = v.least(builder.select(v.near(lane), v.constant(65535, _I16), total))
         found = builder.or_(v.least(along), builder.shl(lane, v.index(8)))
         found = builder.or_(found, builder.shl(most, v.index(24)))
         return builder.or_(found, builder.shl(second, v.index(40)))
-    return signature, generate
-
-
-@intrinsic
-def keep_excess(typing, lanes, total, at, least, out, to):
-    """Store min((total - least) / 4, 255) of every lane as uint8."""
-    signature = types.void(lanes, total, _Index, _Index, out, _Index)
-
-    def generate(context, builder, signature, args):
-        v = _Vectors(context, builder, signature, args)
-        values = v.load(v.array(1), args[2], v.words)
-        excess = builder.sub(values, v.splat(builder.trunc(args[3], _I16)))
-        excess = builder.lshr(excess, v.constant(2, _I16))
-        excess = v.least_of(excess, v.constant(255, _I16))
-        v.store(builder.trunc(excess, v.bytes), v.array(4), args[5])
-        return context.get_dummy_value()
     return signature, generate
 
 

@@ -1,0 +1,73 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Every vector step against its plain twin, on random bytes."""
+
+import numba
+from numba import njit
+import numpy as np
+import pytest
+
+from stereo_refine_ros.matching import vector_steps, vector_twins
+
+pytestmark = pytest.mark.skipif(
+    bool(numba.config.DISABLE_JIT), reason='there is only the twin without the compiler')
+
+STEPS = ('match_column', 'step_both', 'step_column', 'step_last')
+
+
+def arguments(name, width, seed):
+    """Return the arguments of a step: arrays of random bytes, and places within them."""
+    rng = np.random.default_rng(seed)
+
+    def some(size, high=256, kind=np.uint8):
+        return rng.integers(0, high, size).astype(kind)
+    penalties = tuple(int(n) for n in (rng.integers(0, 40), rng.integers(0, 90), 147))
+    # No value of a path is below its least.
+    state = np.maximum(some(4 * width + 40), penalties[0])
+    move = (width, *penalties, 2 * width + 30)
+    row = (np.maximum(some(8 * width + 64), penalties[0]), width, *penalties, 2 * width + 16)
+    offset = 3 * width + 32
+    cost, total = some(3 * width, 35), some(2 * width, 600, np.uint16)
+    return {
+        'match_column': lambda: (some(8 * 2 * width), some(8 * 2 * width), 2 * width,
+                                 np.where(np.arange(width) < width - 3, 0, 255).astype(np.uint8),
+                                 some(2 * width, 2) * np.uint8(22), 14, 20, 3, 5, 7, cost, 9,
+                                 state, *move, some(2 * width), 3),
+        'step_both': lambda: (*row, state, *move, cost, 11, total, 5, offset),
+        'step_column': lambda: (state, *move, cost, 7, some(2 * width), 3),
+        'step_last': lambda: (*row, cost, 11, total, 5, some(2 * width), 8, offset),
+    }[name]()
+
+
+@pytest.mark.parametrize('name', STEPS)
+@pytest.mark.parametrize('width', [32, 64, 128, 256])
+def test_a_step_does_what_its_twin_does(name, width):
+    step, twin = getattr(vector_steps, name), getattr(vector_twins, name)
+    lanes = (0,) * (width // vector_steps.LANES_PER_ITEM)
+
+    @njit
+    def call(*args):
+        return step(*args)
+    for seed in range(20):
+        ours = arguments(name, width, seed)
+        theirs = [a.copy() if isinstance(a, np.ndarray) else a for a in ours]
+        assert call(lanes, *ours) == twin(lanes, *theirs)
+        for a, b in zip(ours, theirs, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_both_count_alike():
+    assert vector_steps.PLANES == vector_twins.PLANES
+    assert vector_steps.LANES_PER_ITEM == vector_twins.LANES_PER_ITEM
