@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 
 from stereo_refine_ros.datasets import render_scene, Scene
-from stereo_refine_ros.demo.pictures import write_pictures
-from stereo_refine_ros.demo.table import format_value, LiveTable, summary_line
+from demo.pictures import write_pictures
+from demo.table import format_value, LiveTable, summary_line
 
 METRICS = {'bad_1_0_preliminary': 12.5, 'bad_1_0_refined': 3.25, 'total_ms': 31.0}
 
@@ -106,7 +106,7 @@ def test_line_of_metrics(capsys):
 
 def test_table_on_a_terminal_shows_both_columns(monkeypatch):
     from rich.console import Console
-    from stereo_refine_ros.demo.table import _table
+    from demo.table import _table
     console = Console(width=100, record=True, file=io.StringIO())
     console.print(_table('cones', METRICS, 7))
     text = console.export_text()

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.ros
 
 def _demo(folder, *options):
     return subprocess.run(
-        [sys.executable, '-m', 'stereo_refine_ros.demo', '--output', str(folder),
+        [sys.executable, '-m', 'demo', '--output', str(folder),
          '--seconds', '2', *options], capture_output=True, text=True, timeout=120)
 
 

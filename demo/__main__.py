@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Run the demo: `python -m stereo_refine_ros.demo`."""
+"""Run the demo: `python -m demo`."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ import time
 from typing import TYPE_CHECKING
 
 from stereo_refine_ros.datasets import load_scene, render_scene, Scene
-from stereo_refine_ros.demo.processes import dds_environment, DemoError, Processes
-from stereo_refine_ros.demo.table import LiveTable, summary_line
+from demo.processes import dds_environment, DemoError, Processes
+from demo.table import LiveTable, summary_line
 from stereo_refine_ros.params import preset_path
 
 if TYPE_CHECKING:
-    from stereo_refine_ros.demo.collector import Collector
+    from demo.collector import Collector
 
 _FIRST_FRAME_S = 90.0
 _SILENCE_S = 10.0
@@ -89,8 +89,8 @@ def _run(options: argparse.Namespace, scene: Scene, source: list[str], output: P
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
-    from stereo_refine_ros.demo.collector import Collector
-    from stereo_refine_ros.demo.pictures import write_pictures
+    from demo.collector import Collector
+    from demo.pictures import write_pictures
 
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     collector = Collector(with_truth=scene.truth is not None)
