@@ -52,7 +52,7 @@ help:
 	@echo 'make clean       remove what make made'
 
 demo: $(RUN_STAMP)
-	$(BIN)/python -m stereo_refine_ros.demo
+	$(BIN)/python -m demo
 
 test: $(TEST_STAMP)
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -m 'not compiled' $(KERNEL_TESTS)
@@ -90,13 +90,13 @@ bench-live: $(TEST_STAMP)
 
 SOAK_SECONDS ?= 1800
 soak: $(TEST_STAMP)
-	$(BIN)/python benchmarks/soak.py --seconds $(SOAK_SECONDS)
+	$(BIN)/python reliability/soak.py --seconds $(SOAK_SECONDS)
 
 fuzz: $(TEST_STAMP)
-	$(BIN)/python benchmarks/fuzz.py
+	$(BIN)/python reliability/fuzz.py
 
 bench-two-hosts: $(TEST_STAMP)
-	$(BIN)/python benchmarks/two_hosts.py
+	$(BIN)/python reliability/two_hosts.py
 
 tables: $(RUN_STAMP)
 	$(BIN)/python scripts/parameter_table.py --write

@@ -24,13 +24,17 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'stereo_refine_ros'
+# What a robot does not need, and does not install.
+OUTSIDE = ('demo', 'benchmarks', 'reliability', 'scripts')
 SOURCES = sorted(
-    path for folder in ('stereo_refine_ros', 'test', 'benchmarks', 'scripts', 'launch')
+    path for folder in ('stereo_refine_ros', *OUTSIDE, 'test', 'launch')
     for path in (ROOT / folder).rglob('*.py')) + [ROOT / 'setup.py']
 PRODUCT = [path for path in SOURCES if path.is_relative_to(PACKAGE)]
+TYPED = [path for path in SOURCES if path.relative_to(ROOT).parts[0] in (
+    'stereo_refine_ros', *OUTSIDE)]
 
 # The ROS shell: the node, and the command lines that start one.
-SHELL = ('node', 'messages', 'replay', 'demo', 'refine_node.py')
+SHELL = ('node', 'messages', 'replay', 'refine_node.py')
 SHELL_NAMES = tuple('stereo_refine_ros.' + name.removesuffix('.py') for name in SHELL)
 CORE = [path for path in PRODUCT if path.relative_to(PACKAGE).parts[0] not in SHELL]
 ROS_MODULES = (
@@ -103,6 +107,13 @@ def test_core_imports_no_ros(path: Path):
     assert foreign == set()
 
 
+@pytest.mark.parametrize('path', PRODUCT, ids=_name)
+def test_package_needs_nothing_outside_it(path: Path):
+    outside = {*OUTSIDE, *(module.stem for folder in ('benchmarks', 'reliability', 'scripts')
+                           for module in (ROOT / folder).glob('*.py'))}
+    assert outside.isdisjoint(name.split('.')[0] for name in _imports(path))
+
+
 def test_core_imports_where_ros_is_not_installed():
     modules = [
         '.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__')
@@ -134,7 +145,7 @@ def test_file_starts_with_the_licence_header(path: Path):
     assert text.startswith(header + '\n\n"""')
 
 
-@pytest.mark.parametrize('path', PRODUCT, ids=_name)
+@pytest.mark.parametrize('path', TYPED, ids=_name)
 def test_functions_are_typed(path: Path):
     untyped = []
     for function in _functions(path):

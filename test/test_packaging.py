@@ -39,10 +39,11 @@ TEST_ROSDEP = {
     'rosbags': 'python3-rosbags-pip', 'setuptools': 'python3-setuptools',
     'skimage': 'python3-skimage'}
 OPTIONAL = {'rich', 'rosbags', 'apsw'}
+OUTSIDE = ('demo', 'benchmarks', 'reliability', 'scripts')  # of what is installed
 
 
 def _imported(*folders: str) -> set[str]:
-    names, own = set(), {'stereo_refine_ros', '__future__'}
+    names, own = set(), {'stereo_refine_ros', '__future__', *OUTSIDE}
     for folder in folders:
         for path in (ROOT / folder).rglob('*.py'):
             for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
@@ -65,7 +66,7 @@ def test_manifest_names_every_import():
 
 def test_manifest_names_every_import_of_the_tests_by_its_rosdep_key():
     keys = {**ROSDEP, **TEST_ROSDEP}
-    needed = {keys.get(name, name) for name in _imported('test', 'benchmarks')}
+    needed = {keys.get(name, name) for name in _imported('test', *OUTSIDE)}
     assert set(TEST_ROSDEP.values()) <= needed
     assert needed <= _declared('exec_depend') | _declared('test_depend')
 
@@ -108,6 +109,22 @@ def test_pip_brings_opencv_only_where_there_is_none(tmp_path, has_opencv):
         set() if has_opencv else {'opencv-python-headless'})
     extra = re.findall(r'^Requires-Dist: ([a-z-]+)\b.*; extra == .test.$', text, re.MULTILINE)
     assert set(extra) == set(TEST_ROSDEP) - {'setuptools', 'skimage'} | {'scikit-image'}
+
+
+def test_what_a_robot_does_not_need_is_not_installed(tmp_path):
+    for path in ROOT.iterdir():
+        if path.name in ('stereo_refine_ros', 'resource', 'config', 'launch', *OUTSIDE):
+            (tmp_path / path.name).symlink_to(path)
+        elif path.name in ('setup.py', 'setup.cfg', 'pyproject.toml', 'package.xml'):
+            shutil.copy(path, tmp_path)
+    built = subprocess.run(
+        [sys.executable, 'setup.py', '--quiet', 'build_py', '--build-lib', 'installed'],
+        cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert built.returncode == 0, built.stderr
+    installed = tmp_path / 'installed'
+    assert {path.name for path in installed.iterdir()} == {'stereo_refine_ros'}
+    inside = {path.name for path in (installed / 'stereo_refine_ros').iterdir()}
+    assert {'node', 'refine_node.py', 'py.typed'} <= inside and inside.isdisjoint(OUTSIDE)
 
 
 def test_manifest_is_of_format_3_and_ament_python():

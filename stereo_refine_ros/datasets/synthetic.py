@@ -94,7 +94,7 @@ class _Surface:
 
 def render_scene(seed: int = 0, height: int = 240, width: int = 320, num_disparities: int = 48,
                  num_patches: int = 6, contrast: float = 60.0, noise: float = 0.0,
-                 doffs_px: float = 0.0) -> SyntheticScene:
+                 doffs_px: float = 0.0, row_offset: float = 0.0) -> SyntheticScene:
     """
     Render a slanted wall, a floor and patches before them, from a seed.
 
@@ -114,6 +114,9 @@ def render_scene(seed: int = 0, height: int = 240, width: int = 320, num_dispari
         Standard deviation of the sensor noise, in grey levels, of each view.
     doffs_px : float
         Difference of the principal points, cx_right - cx_left.
+    row_offset : float
+        How far below its row in the left view a point lies in the right one, pixels: a pair
+        whose calibration has slipped. The left view and its truth stay as they are.
 
     Raises
     ------
@@ -127,7 +130,7 @@ def render_scene(seed: int = 0, height: int = 240, width: int = 320, num_dispari
     rng = np.random.default_rng(seed)
     surfaces = _arrange(rng, height, width, num_disparities, num_patches, contrast)
     left, truth, labels = _render_left(surfaces, height, width)
-    right, truth_right, labels_right = _render_right(surfaces, height, width)
+    right, truth_right, labels_right = _render_right(surfaces, height, width, row_offset)
     visible = _visible(surfaces, truth, labels)
     pair = StereoPair(_expose(left, noise, rng), _expose(right, noise, rng))
     cx, cy = (width - 1) / 2, (height - 1) / 2
@@ -190,9 +193,10 @@ def _render_left(surfaces: list[_Surface], height: int,
     return _render(surfaces, [x] * len(surfaces), y, (height, width))
 
 
-def _render_right(surfaces: list[_Surface], height: int,
-                  width: int) -> tuple[Floats, Floats, LabelMap]:
-    x, y = _grid(height, width)
+def _render_right(surfaces: list[_Surface], height: int, width: int,
+                  row_offset: float) -> tuple[Floats, Floats, LabelMap]:
+    x, rows = _grid(height, width)
+    y = rows - row_offset
     columns = [surface.unproject(x, y) for surface in surfaces]
     return _render(surfaces, columns, y, (height, width))
 

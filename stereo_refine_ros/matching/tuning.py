@@ -45,7 +45,7 @@ OPENCV_CHECKS = {
     'disp12MaxDiff': 1, 'uniquenessRatio': 10, 'speckleWindowSize': 100, 'speckleRange': 2}
 
 # Memory, bytes for a pixel and a disparity of a cost volume: more is refused than the machine
-# has. At the peak 5.7 were measured: python benchmarks/large_pair.py.
+# has. At the peak 5.7 were measured: python reliability/large_pair.py.
 BYTES_PER_CELL = 8
 
 # Scanline cost, grey levels a pixel: both gradients' differences together count as this at most.

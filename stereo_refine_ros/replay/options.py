@@ -64,6 +64,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument('--wait', type=_seconds, default=5.0, metavar='S', help='longest wait '
                         'for subscribers before the first message, 0 for none (default: 5)')
     parser.add_argument('--seed', type=_count, default=0, help='of the synthetic scene')
+    parser.add_argument('--row-offset', type=_pixels, default=0.0, metavar='PX', help='the right '
+                        'view of the synthetic scene lies so much lower (default: 0)')
     _add_bag_options(parser.add_argument_group('with --bag, as ros2 bag play has them'))
     return parser
 
@@ -106,7 +108,7 @@ def scene_source(options: argparse.Namespace) -> Callable[[], Iterable[Scene]]:
         list_pairs(options.folder)
         return partial(iterate_folder, options.folder)
     if options.synthetic:
-        scenes: list[Scene] = [render_scene(options.seed)]
+        scenes: list[Scene] = [render_scene(options.seed, row_offset=options.row_offset)]
     else:
         names = (options.scene or _DEFAULT_SCENE).split(',')
         scenes = [load_scene(name.strip(), options.data) for name in names]
@@ -133,6 +135,13 @@ def _seconds(text: str) -> float:
     value = float(text)
     if not 0.0 <= value <= 3600.0:
         raise argparse.ArgumentTypeError(f'{text} is outside 0 to 3600')
+    return value
+
+
+def _pixels(text: str) -> float:
+    value = float(text)
+    if not -100.0 <= value <= 100.0:
+        raise argparse.ArgumentTypeError(f'{text} is outside -100 to 100')
     return value
 
 

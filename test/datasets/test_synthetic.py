@@ -22,6 +22,7 @@ from stereo_refine_ros.datasets import render_scene
 from stereo_refine_ros.datasets.scene import visible_in_both
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
+from stereo_refine_ros.rectification import find_row_offset
 
 
 @pytest.fixture(scope='module', params=[0, 1, 2])
@@ -119,6 +120,19 @@ def test_size_range_and_offset_are_as_asked():
     assert scene.planes.shape == (4, 3)
     assert scene.geometry.doffs_px == 5.5
     assert (scene.geometry.focal_px, scene.geometry.baseline_m) == (126.0, 0.12)
+
+
+@pytest.mark.parametrize('row_offset', [1.5, -2.25])
+def test_right_view_is_lower_by_the_row_offset(row_offset):
+    level, moved = render_scene(0), render_scene(0, row_offset=row_offset)
+    np.testing.assert_array_equal(moved.pair.left, level.pair.left)
+    np.testing.assert_array_equal(moved.truth, level.truth)
+    x, y = (axis.astype(np.float32) for axis in _grid(moved.truth.shape))
+    raised = cv2.remap(moved.pair.right, x, y + np.float32(row_offset), cv2.INTER_CUBIC)
+    error = np.abs(raised[4:-4].astype(int) - level.pair.right[4:-4]).mean(axis=2)
+    assert np.median(error) < 1.0
+    found = find_row_offset(moved.pair.left, moved.pair.right, 0, moved.num_disparities)
+    assert found.offset_px == pytest.approx(row_offset, abs=0.1)
 
 
 @pytest.mark.parametrize('options', [{'height': 20}, {'width': 31}, {'num_disparities': 8}])

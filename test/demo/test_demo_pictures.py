@@ -21,10 +21,12 @@ import numpy as np
 import pytest
 
 from stereo_refine_ros.datasets import render_scene, Scene
-from stereo_refine_ros.demo.pictures import write_pictures
-from stereo_refine_ros.demo.table import format_value, LiveTable, summary_line
+from demo.pictures import write_pictures
+from demo.table import format_value, LiveTable, summary_line
 
-METRICS = {'bad_1_0_preliminary': 12.5, 'bad_1_0_refined': 3.25, 'total_ms': 31.0}
+METRICS = {'bad_1_0_preliminary': 12.5, 'bad_1_0_refined': 3.25, 'total_ms': 31.0,
+           'row_offset_px': 1.48, 'gain_ratio': 0.97, 'confidence_mean': 0.88}
+ADVICE = 'WARN: one image has 40 % of the detail of the other [lens]'
 
 
 @pytest.fixture(scope='module')
@@ -33,7 +35,9 @@ def scene():
 
 
 def _write(folder, scene, preliminary, refined, labels, confidence=None):
-    files = write_pictures(folder, scene, preliminary, refined, labels, METRICS, confidence)
+    if confidence is None:
+        confidence = np.ones_like(refined)
+    files = write_pictures(folder, scene, preliminary, refined, labels, confidence, METRICS)
     return {path.stem: cv2.imread(str(path)) for path in files}
 
 
@@ -43,7 +47,8 @@ def test_every_picture_is_written_and_right(tmp_path, scene):
     wrong = scene.truth + 5
     pictures = _write(tmp_path, scene, preliminary, wrong, scene.labels)
     assert set(pictures) == {'left', 'preliminary', 'refined', 'ground_truth', 'segments',
-                             'error_preliminary', 'error_refined', 'side_by_side'}
+                             'error_preliminary', 'error_refined', 'confidence',
+                             'side_by_side'}
     np.testing.assert_array_equal(pictures['left'], scene.pair.left)
     assert (pictures['preliminary'][:, :40] == 0).all()
     np.testing.assert_array_equal(
@@ -84,7 +89,8 @@ def test_sheet_holds_nine_pictures_in_three_rows(tmp_path, scene):
 def test_scene_without_truth_has_no_error_maps(tmp_path, scene):
     bare = Scene('bare', scene.pair)
     pictures = _write(tmp_path, bare, scene.truth, scene.truth, scene.labels)
-    assert set(pictures) == {'left', 'preliminary', 'refined', 'segments', 'side_by_side'}
+    assert set(pictures) == {'left', 'preliminary', 'refined', 'segments', 'confidence',
+                             'side_by_side'}
     nothing = np.full_like(scene.truth, np.nan)
     assert (_write(tmp_path, bare, nothing, nothing, scene.labels)['refined'] == 0).all()
 
@@ -102,14 +108,27 @@ def test_line_of_metrics(capsys):
         table.update(METRICS, 2)
     out = capsys.readouterr().out
     assert out.count('\n') == 1 and out.startswith('frame 1: bad_1_0 12.5 -> 3.25')
+    assert out.endswith('row_offset_px 1.48, gain_ratio 0.97, noise_sigma -, '
+                        'confidence_mean 0.88, published_ratio -\n')
+
+
+def test_advice_stands_below_the_line(capsys):
+    with LiveTable('title') as table:
+        table.update(METRICS, 1, ADVICE)
+    assert capsys.readouterr().out.splitlines()[1] == '  ' + ADVICE
 
 
 def test_table_on_a_terminal_shows_both_columns(monkeypatch):
     from rich.console import Console
-    from stereo_refine_ros.demo.table import _table
+    from demo.table import _table
     console = Console(width=100, record=True, file=io.StringIO())
     console.print(_table('cones', METRICS, 7))
+    console.print(_table('cones', METRICS, 8, ADVICE))
     text = console.export_text()
     assert 'cones, frame 7' in text
     row = next(line for line in text.splitlines() if 'wrong by more than 1 px' in line)
     assert '12.5' in row and '3.25' in row
+    healthy, ill = text.split('cones, frame 8')
+    assert 'OK: nothing to do' in healthy and ADVICE in ill and 'OK:' not in ill
+    values = healthy.split('row_offset_px')[1].splitlines()[2]
+    assert '1.48' in values and '0.97' in values and '0.88' in values

@@ -21,7 +21,7 @@ from types import SimpleNamespace
 import pytest
 
 from stereo_refine_ros import dds_profile
-from stereo_refine_ros.demo.processes import dds_environment, DemoError, Processes
+from demo.processes import dds_environment, DemoError, Processes
 from stereo_refine_ros.params import preset_path
 
 CONFIG = preset_path('live').parent
@@ -60,3 +60,13 @@ def test_processes_end_with_the_context(tmp_path):
         with pytest.raises(subprocess.TimeoutExpired):
             process.wait(5.0)
     assert process.returncode in (0, -signal.SIGINT)
+
+
+def test_one_process_ends_and_may_start_again(tmp_path):
+    with Processes(tmp_path, {}) as running:
+        for _ in range(2):
+            running.start('replay', '--synthetic', '--wait', '600')
+            process = running._running['replay']
+            running.end('replay')
+            assert process.returncode in (0, 130, -signal.SIGINT)
+            running.check()

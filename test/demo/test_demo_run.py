@@ -14,6 +14,7 @@
 
 """The demo as a user runs it: two processes, messages, pictures, an end of its own."""
 
+import re
 import subprocess
 import sys
 
@@ -28,7 +29,7 @@ pytestmark = pytest.mark.ros
 
 def _demo(folder, *options):
     return subprocess.run(
-        [sys.executable, '-m', 'stereo_refine_ros.demo', '--output', str(folder),
+        [sys.executable, '-m', 'demo', '--output', str(folder),
          '--seconds', '2', *options], capture_output=True, text=True, timeout=120)
 
 
@@ -36,10 +37,11 @@ def test_demo_ends_by_itself_with_pictures(tmp_path):
     done = _demo(tmp_path, '--scene', 'cones')
     assert done.returncode == 0, done.stdout + done.stderr
     assert 'frame 1: bad_1_0' in done.stdout
+    assert _found_offset(done.stdout) == pytest.approx(1.5, abs=0.25)
     scene = load_scene('cones')
     pictures = {path.stem: cv2.imread(str(path)) for path in tmp_path.glob('*.png')}
     assert set(pictures) == {'left', 'preliminary', 'refined', 'ground_truth', 'segments',
-                             'error_preliminary', 'error_refined', 'side_by_side'}
+                             'error_preliminary', 'error_refined', 'confidence', 'side_by_side'}
     np.testing.assert_array_equal(pictures['left'], scene.pair.left)
     valid = (pictures['refined'] != 0).any(axis=2)
     assert valid.mean() > 0.8
@@ -47,11 +49,18 @@ def test_demo_ends_by_itself_with_pictures(tmp_path):
     assert white.mean() > 0.7  # most pixels are within a pixel of the truth
 
 
+def _found_offset(printed):
+    return float(re.search(
+        r'^synthetic: the right image is 1\.50 px lower .*: found (\d\.\d\d) px, undone$',
+        printed, re.MULTILINE)[1])
+
+
 def test_demo_without_scenes_takes_the_synthetic_one(tmp_path):
     done = _demo(tmp_path, '--scene', 'nowhere')
     assert done.returncode == 0, done.stdout + done.stderr
     assert "scene 'nowhere'" in done.stdout and 'synthetic' in done.stdout
     assert cv2.imread(str(tmp_path / 'left.png')).shape == (240, 320, 3)
+    assert _found_offset(done.stdout) == pytest.approx(1.5, abs=0.25)
 
 
 def test_demo_says_why_when_the_node_ends(tmp_path):

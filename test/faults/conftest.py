@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Helpers of other folders: the node tests' harness, and the benchmarks' malformed messages."""
+"""Helpers of other folders: the node tests' harness, and the fuzzer's malformed messages."""
 
 from pathlib import Path
 import sys
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / 'test' / 'node'), str(ROOT / 'benchmarks')]
+sys.path[:0] = [str(ROOT / 'test' / 'node'), str(ROOT / 'reliability')]

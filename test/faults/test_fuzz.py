@@ -33,7 +33,7 @@ from stereo_refine_ros.node.frame import check_frame, decode_frame
 from stereo_refine_ros.pairing import MessageSet
 
 pytestmark = pytest.mark.ros
-FUZZ = Path(__file__).resolve().parents[2] / 'benchmarks' / 'fuzz.py'
+FUZZ = Path(__file__).resolve().parents[2] / 'reliability' / 'fuzz.py'
 
 
 def test_fuzzer_finds_nothing(tmp_path):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Ten seconds of `make soak`, and a handful of `benchmarks/signals.py`."""
+"""Ten seconds of `make soak`, and a handful of `reliability/signals.py`."""
 
 from pathlib import Path
 import re
@@ -22,11 +22,11 @@ import sys
 import pytest
 
 pytestmark = pytest.mark.ros
-BENCHMARKS = Path(__file__).resolve().parents[2] / 'benchmarks'
+RELIABILITY = Path(__file__).resolve().parents[2] / 'reliability'
 
 
 def run(script, *options):
-    done = subprocess.run([sys.executable, str(BENCHMARKS / script), *options],
+    done = subprocess.run([sys.executable, str(RELIABILITY / script), *options],
                           capture_output=True, text=True, timeout=180)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

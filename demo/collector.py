@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 import rclpy
 from rclpy.node import Node
@@ -31,9 +31,9 @@ from stereo_refine_ros.types import FloatMap, LabelMap
 
 _KIND_OF: dict[str, Any] = {
     'disparity': DisparityImage, 'disparity/preliminary': DisparityImage, 'segments': Image,
-    'metrics': DiagnosticArray}
-# Taken where the node publishes it; a frame is whole without it.
-_CONFIDENCE = 'confidence'
+    'confidence': Image, 'metrics': DiagnosticArray}
+_DIAGNOSTICS, _OURS = '/diagnostics', ': stereo refinement'
+_LEVELS = {DiagnosticStatus.WARN: 'WARN', DiagnosticStatus.ERROR: 'ERROR'}
 _KEPT_FRAMES = 20
 
 
@@ -49,8 +49,8 @@ class DemoFrame:
     labels : int32 ndarray of shape (H, W)
         Segments.
     metrics : dict of str to float
-    confidence : float32 ndarray of shape (H, W), or None
-        0..1; None where the node did not publish it.
+    confidence : float32 ndarray of shape (H, W)
+        Of the refined map, 0..1.
 
     """
 
@@ -58,21 +58,29 @@ class DemoFrame:
     refined: FloatMap
     labels: LabelMap
     metrics: dict[str, float]
-    confidence: FloatMap | None = None
+    confidence: FloatMap
 
 
 class Collector(Node):
     """Collect the node's outputs by stamp."""
 
-    def __init__(self, with_truth: bool) -> None:
-        """Subscribe to the outputs; `with_truth` keeps only frames measured against it."""
+    def __init__(self) -> None:
+        """Subscribe to the outputs."""
         super().__init__('demo')
+        self.begin(with_truth=False)
+        for topic, kind in _KIND_OF.items():
+            self.create_subscription(kind, topic, self._keeper(topic), 10)
+        self.create_subscription(DiagnosticArray, _DIAGNOSTICS, self._diagnose, 10)
+
+    def begin(self, with_truth: bool) -> None:
+        """Forget all frames up to now; `with_truth` keeps only frames measured against it."""
+        now = self.get_clock().now().to_msg()
+        self._since = (now.sec, now.nanosec)
         self._with_truth = with_truth
         self._by_stamp: dict[tuple[int, int], dict[str, Any]] = {}
         self._whole: dict[str, Any] | None = None
+        self._verdict, self._diagnosis = DiagnosticStatus(), DiagnosticStatus()
         self.history: list[dict[str, float]] = []
-        for topic, kind in {**_KIND_OF, _CONFIDENCE: Image}.items():
-            self.create_subscription(kind, topic, self._keeper(topic), 10)
 
     def spin_for(self, seconds: float) -> None:
         """Serve callbacks until one came or the time is over."""
@@ -84,25 +92,34 @@ class Collector(Node):
         return self._whole is not None
 
     @property
+    def advice(self) -> str:
+        """Return level and text where the last frame or the last second was not good."""
+        worst = max(self._diagnosis, self._verdict, key=lambda status: status.level)
+        return f'{_LEVELS[worst.level]}: {worst.message}' if worst.level in _LEVELS else ''
+
+    @property
     def frame(self) -> DemoFrame | None:
         """Return the newest frame of which every output came."""
         if self._whole is None:
             return None
-        labels, confidence = self._whole['segments'], self._whole.get(_CONFIDENCE)
+        labels, confidence = self._whole['segments'], self._whole['confidence']
         return DemoFrame(
             read_disparity('disparity/preliminary', self._whole['disparity/preliminary']).values,
             read_disparity('disparity', self._whole['disparity']).values,
             np.frombuffer(labels.data, np.int32).reshape(labels.height, labels.width),
             _figures(self._whole['metrics']),
-            None if confidence is None else np.frombuffer(
-                confidence.data, np.float32).reshape(confidence.height, confidence.width))
+            np.frombuffer(confidence.data, np.float32).reshape(
+                confidence.height, confidence.width))
 
     def _keeper(self, topic: str) -> Any:
         def keep(message: Any) -> None:
             stamp = (message.header.stamp.sec, message.header.stamp.nanosec)
+            if stamp < self._since:
+                return
             outputs = self._by_stamp.setdefault(stamp, {})
             outputs[topic] = message
             if topic == 'metrics':
+                self._verdict = message.status[0]
                 self._note(_figures(message))
             if _KIND_OF.keys() <= outputs.keys() and self._is_measured(outputs['metrics']):
                 self._whole = outputs
@@ -115,6 +132,13 @@ class Collector(Node):
         if self.history and self._with_truth:
             figures = {**self.history[-1], **figures}
         self.history.append(figures)
+
+    def _diagnose(self, message: DiagnosticArray) -> None:
+        """Keep what the node says of the last second: others speak on this topic too."""
+        # Before the first frame it misses its inputs, and rightly so.
+        for status in message.status:
+            if self.history and status.name.endswith(_OURS):
+                self._diagnosis = status
 
     def _is_measured(self, metrics: DiagnosticArray) -> bool:
         return not self._with_truth or 'bad_1_0_refined' in _figures(metrics)

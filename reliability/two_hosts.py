@@ -40,6 +40,7 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 CONFIG = HERE.parent / 'config'
+CAMERA = HERE.parent / 'benchmarks' / 'camera.py'
 CAMERA_HOST, FAR_HOST, CABLE = (f'{name}{os.getpid()}' for name in ('camera', 'far', 'cable'))
 INPUTS = ('left/image_rect', 'right/image_rect', 'left/camera_info', 'right/camera_info')
 TOOLS = ('ip', 'ethtool', 'mount')
@@ -148,7 +149,7 @@ def measure(transport: Transport, options: argparse.Namespace, folder: Path) -> 
     environment = transport.environment
     node = ('-m', 'stereo_refine_ros.refine_node', '--ros-args', '--log-level', 'error',
             '-p', 'matching.num_disparities:=64', *transport.node_args)
-    camera = (str(HERE / 'camera.py'), '--rate', str(options.rate), '--size', size,
+    camera = (str(CAMERA), '--rate', str(options.rate), '--size', size,
               '--stamps', str(sent))
     listener = (str(Path(__file__).resolve()), '--listen', str(arrived))
     with (process(FAR_HOST, environment, *listener, shm=folder / FAR_HOST),

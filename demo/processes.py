@@ -73,6 +73,12 @@ class Processes:
                 env=self._environment, stdin=subprocess.DEVNULL, stdout=log,
                 stderr=subprocess.STDOUT, start_new_session=True)
 
+    def end(self, name: str) -> None:
+        """End one process as a user would, with SIGINT."""
+        process = self._running.pop(name)
+        _interrupt(process)
+        _wait(process)
+
     def check(self) -> None:
         """Raise DemoError, with the end of its log, when a process has ended."""
         for name, process in self._running.items():
@@ -91,14 +97,9 @@ class Processes:
     def stop(self) -> None:
         """End all processes as a user would, with SIGINT; kill what does not end."""
         for process in self._running.values():
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
+            _interrupt(process)
         for process in self._running.values():
-            try:
-                process.wait(_END_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            _wait(process)
 
     def _log(self, name: str) -> Path:
         return self._logs / f'{name}.log'
@@ -111,3 +112,16 @@ class Processes:
                  trace: TracebackType | None) -> None:
         """End all processes."""
         self.stop()
+
+
+def _interrupt(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is None:
+        process.send_signal(signal.SIGINT)
+
+
+def _wait(process: subprocess.Popen[bytes]) -> None:
+    try:
+        process.wait(_END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()

@@ -35,6 +35,7 @@ TIMES = ('matching_ms', 'segmentation_ms', 'planes_ms', 'filter_ms', 'total_ms',
          'frame_latency_ms')
 COUNTS = ('fps', 'frames_dropped', 'pairs_unmatched', 'segments', 'planes_fitted',
           'inlier_ratio')
+HEALTH = ('row_offset_px', 'gain_ratio', 'noise_sigma', 'confidence_mean', 'published_ratio')
 _LINE_PERIOD_S = 1.0
 
 
@@ -53,7 +54,12 @@ def summary_line(metrics: Mapping[str, float]) -> str:
         for name in ('bad_1_0', 'psnr', 'photometric_psnr', 'valid_ratio'))
     speed = ', '.join(f'{name} {format_value(metrics.get(name))}'
                       for name in ('total_ms', 'frame_latency_ms', 'fps'))
-    return f'{changes}, {speed}'
+    return f'{changes}, {speed}, {health_line(metrics)}'
+
+
+def health_line(metrics: Mapping[str, float]) -> str:
+    """Return what is known of the cameras and of the confidence in one line."""
+    return ', '.join(f'{name} {format_value(metrics.get(name))}' for name in HEALTH)
 
 
 class LiveTable:
@@ -73,13 +79,14 @@ class LiveTable:
         self._live: Any = None
         self._next_line = 0.0
 
-    def update(self, metrics: Mapping[str, float], frames: int) -> None:
-        """Show the newest metrics and the number of frames so far."""
+    def update(self, metrics: Mapping[str, float], frames: int, advice: str = '') -> None:
+        """Show the newest metrics, the number of frames so far, and what to do."""
         if self._live is not None:
-            self._live.update(_table(self._title, metrics, frames))
+            self._live.update(_table(self._title, metrics, frames, advice))
         elif time.monotonic() >= self._next_line:
             self._next_line = time.monotonic() + _LINE_PERIOD_S
-            print(f'frame {frames}: {summary_line(metrics)}', flush=True)
+            print(f'frame {frames}: {summary_line(metrics)}' + (f'\n  {advice}' if advice else ''),
+                  flush=True)
 
     def __enter__(self) -> LiveTable:
         """Take over the terminal, if there is one."""
@@ -99,9 +106,10 @@ class LiveTable:
             self._live.stop()
 
 
-def _table(title: str, metrics: Mapping[str, float], frames: int) -> Any:
+def _table(title: str, metrics: Mapping[str, float], frames: int, advice: str = '') -> Any:
     from rich.console import Group
     from rich.table import Table
+    from rich.text import Text
     quality = Table(title=f'{title}, frame {frames}', title_justify='left')
     for heading in ('measure', 'unit', 'preliminary', 'refined'):
         quality.add_column(heading, justify='left' if heading == 'measure' else 'right')
@@ -111,7 +119,9 @@ def _table(title: str, metrics: Mapping[str, float], frames: int) -> Any:
             is_better = after < before if less_is_better else after > before
             shown = f'[green]{format_value(after)}' if is_better else format_value(after)
             quality.add_row(label, unit, format_value(before), shown)
-    return Group(quality, _row(TIMES, metrics), _row(COUNTS, metrics))
+    # Text: the advice of a node may hold brackets, which are no markup.
+    return Group(quality, _row(TIMES, metrics), _row(COUNTS, metrics), _row(HEALTH, metrics),
+                 Text(advice or 'OK: nothing to do', 'bold red' if advice else 'green'))
 
 
 def _row(names: tuple[str, ...], metrics: Mapping[str, float]) -> Any:

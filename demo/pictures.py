@@ -23,7 +23,7 @@ import cv2
 import numpy as np
 
 from stereo_refine_ros.datasets.scene import Scene
-from stereo_refine_ros.demo.table import format_value, MEASURES
+from demo.table import format_value, MEASURES
 from stereo_refine_ros.evaluation.pictures import (
     color_confidence, color_disparity, color_error, draw_segments, ERROR_LIMIT)
 from stereo_refine_ros.types import FloatMap, Image, LabelMap, PlaneSegmentation
@@ -37,8 +37,8 @@ _SMALLEST_TILE = 440
 
 
 def write_pictures(folder: Path, scene: Scene, preliminary: FloatMap, refined: FloatMap,
-                   labels: LabelMap, metrics: Mapping[str, float],
-                   confidence: FloatMap | None = None) -> list[Path]:
+                   labels: LabelMap, confidence: FloatMap,
+                   metrics: Mapping[str, float]) -> list[Path]:
     """
     Write every picture and the sheet into `folder`; return the files.
 
@@ -52,10 +52,10 @@ def write_pictures(folder: Path, scene: Scene, preliminary: FloatMap, refined: F
         Differences of image columns in pixels, NaN invalid.
     labels : int32 ndarray of shape (H, W)
         Segments.
+    confidence : float32 ndarray of shape (H, W)
+        Of the refined map, 0..1.
     metrics : mapping of str to float
         Of the same frame, for the figures on the sheet.
-    confidence : float32 ndarray of shape (H, W), optional
-        Of the refined map, 0..1; without it there is no such picture.
 
     """
     low, high = _range(scene, refined)
@@ -67,8 +67,7 @@ def write_pictures(folder: Path, scene: Scene, preliminary: FloatMap, refined: F
         for name, values in (('preliminary', preliminary), ('refined', refined)):
             tiles[f'error_{name}'] = (f'error of {name}', color_error(values, scene.truth))
     tiles['segments'] = ('segments', _segments(scene.pair.left, labels))
-    if confidence is not None:
-        tiles['confidence'] = ('confidence of refined', color_confidence(confidence))
+    tiles['confidence'] = ('confidence of refined', color_confidence(confidence))
     files = []
     for name, (_, picture) in tiles.items():
         files.append(_write(folder / f'{name}.png', picture))
