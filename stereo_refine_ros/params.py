@@ -208,6 +208,12 @@ class Params:
 
 SPECS: tuple[ParameterSpec, ...] = tuple(specs_of(Params()))
 SPEC_BY_NAME: dict[str, ParameterSpec] = {spec.name: spec for spec in SPECS}
+# What there was once: what to do instead.
+REPLACED = {
+    'processing.max_cells': 'use processing.refine_pixels; matching is at full size always',
+    'processing.min_rows': 'use processing.refine_pixels; rows are averaged no more',
+    'planes.spread': 'leave it out; planes.projection guarded asks neighbours of like colour '
+                     'always'}
 
 
 def check_values(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -215,7 +221,8 @@ def check_values(values: Mapping[str, Any]) -> dict[str, Any]:
     checked, wrong = {}, []
     for name, value in values.items():
         if name not in SPEC_BY_NAME:
-            wrong.append(f'{name}: no such parameter')
+            instead = f' any more: {REPLACED[name]}' if name in REPLACED else ''
+            wrong.append(f'{name}: no such parameter{instead}')
             continue
         try:
             checked[name] = SPEC_BY_NAME[name].check(value)

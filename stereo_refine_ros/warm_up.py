@@ -60,6 +60,8 @@ def run_kernels(params: Params, refine: Refine, progress: Progress = lambda text
     """
     Refine and measure a small pair of either kind, so that every kernel is there.
 
+    On both grids, and a map from outside without the right view.
+
     Parameters
     ----------
     params : Params
@@ -77,12 +79,15 @@ def run_kernels(params: Params, refine: Refine, progress: Progress = lambda text
     truth = np.full((64, width), 4, np.float32)
     grey = (np.ascontiguousarray(left[..., 0]), np.ascontiguousarray(right[..., 0]))
     pairs = {'colour': StereoPair(left, right), 'grey': StereoPair(*grey)}
-    # Small images would not have their rows averaged.
-    params = params.updated({'processing.max_cells': 0.001, 'processing.min_rows': 32})
+    given = truth if params.matching.method == 'external' else None
+    # Whatever the size of the frames to come, planes are made on the image or on its half.
+    grids = [params.updated({'processing.refine_pixels': pixels}) for pixels in (1.0, 0.0)]
     for number, (name, pair) in enumerate(pairs.items(), 1):
         progress(f'kernels for {name} images ({number} of {len(pairs)})')
-        result = refine(params, pair, truth if params.matching.method == 'external' else None)
-        measure_frame(result, pair, truth)
+        for on_grid in grids:
+            measure_frame(refine(on_grid, pair, given), pair, truth)
+            left_alone = StereoPair(pair.left, None)
+            measure_frame(refine(on_grid, left_alone, truth), left_alone, truth)
 
 
 @contextmanager

@@ -35,11 +35,14 @@ from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.frame import measure_frame
 from stereo_refine_ros.types import StereoPair
-left = cv2.blur(np.random.default_rng(0).integers(0, 256, (480, 640, 3), np.uint8), (5, 3))
-grey = left[..., 0].copy()
-for pair in StereoPair(left, np.roll(left, -7, 1)), StereoPair(grey, np.roll(grey, -7, 1)):
-    result = StereoRefiner(load_preset('live')).process(pair.left, pair.right)
-    measure_frame(result, pair)
+refiner, rng = StereoRefiner(load_preset('live')), np.random.default_rng(0)
+for height, width in (480, 640), (240, 320):
+    left = cv2.blur(rng.integers(0, 256, (height, width, 3), np.uint8), (5, 3))
+    given = np.full((height, width), 7, np.float32)
+    for view in left, left[..., 0].copy():
+        pair = StereoPair(view, np.roll(view, -7, 1))
+        measure_frame(refiner.process(pair.left, pair.right), pair)
+        measure_frame(refiner.process(view, None, given), StereoPair(view, None))
 """
 
 # A parent that says which child it waits for, and is then killed.

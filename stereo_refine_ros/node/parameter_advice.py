@@ -24,12 +24,13 @@ from typing import Any
 
 import yaml
 
-from stereo_refine_ros.params import SPEC_BY_NAME
+from stereo_refine_ros.params import REPLACED, SPEC_BY_NAME
 
 _SPELLED_ALIKE = 0.6
 _NO_COUNTERPART = 'has no counterpart here'
-# What stereo_image_proc and image_transport call it: what it is called here.
+# What it was called, or stereo_image_proc and image_transport call it: what it is called here.
 COUNTERPARTS = {
+    **REPLACED,
     'approximate_sync': 'use sync.approximate',
     'approximate_sync_tolerance_seconds': 'use sync.slop',
     'queue_size': 'use sync.queue_size',

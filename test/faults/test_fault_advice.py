@@ -24,7 +24,7 @@ import pytest
 from stereo_msgs.msg import DisparityImage
 
 from stereo_refine_ros.health_advice import FRAMES_LOOKED_AT
-from stereo_refine_ros.node.conversions import fill_image
+from stereo_refine_ros.messages.images import fill_image
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.types import PairHealth
 

@@ -19,7 +19,7 @@ from live_node import diagnosis, GEOMETRY, good_pair, stamps
 import numpy as np
 import pytest
 from sensor_msgs.msg import Image
-from stereo_refine_ros.node.outputs import depth_map
+from stereo_refine_ros.messages.outputs import depth_map
 from stereo_refine_ros.types import DisparityMap
 
 pytestmark = pytest.mark.ros

@@ -31,6 +31,9 @@ pytestmark = pytest.mark.ros
     ('min_disparity', 'use matching.min_disparity'),
     ('use_system_default_qos', 'use qos_overrides.<topic>.subscription.reliability'),
     ('image_transport', 'use inputs.image_transport'),
+    ('processing.max_cells', 'use processing.refine_pixels'),
+    ('processing.min_rows', 'use processing.refine_pixels'),
+    ('planes.spread', 'leave it out; planes.projection guarded'),
     ('P1', 'has no counterpart here'), ('zzzz', '`ros2 param list` shows')])
 def test_the_right_name_is_given(name, meant):
     text = explain(name)

@@ -16,13 +16,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
-
-from stereo_refine_ros.matching.evidence import TOTAL_UNIT
-from stereo_refine_ros.matching.robust_cost import COST_UNIT
-from stereo_refine_ros.refinement import plane_selection, projection
 
 MAX_SLOPES = 0.7, 1.5
 RIDGE = 30.0
@@ -82,105 +76,4 @@ def adopt(planes, own, pairs, unlikeness, passes):
         for taker, (_, giver) in gifts.items():
             planes[taker] = planes[giver]
             has[taker] = True
-    return planes
-
-
-def sampled_cost(volume, x, y, index, last):
-    """Interpolate a volume of costs between two whole disparities."""
-    low = int(index)
-    high = min(low + 1, last)
-    rest = index - low
-    return float(volume[y, x, low]) * (1 - rest) + float(volume[y, x, high]) * rest
-
-
-def projection_cost(evidence, values, blind_guess):
-    """Return what the evidence says against every value of a map, in units of cost."""
-    width, last = values.shape[1], evidence.num_disparities - 1
-    costs = np.empty(values.shape)
-    for y, x in np.ndindex(values.shape):
-        d = float(values[y, x])
-        partner = int(np.floor(x - d + 0.5)) if np.isfinite(d) else -1
-        if not 0 <= partner < width:
-            costs[y, x] = projection._INVISIBLE + blind_guess[y, x]
-            continue
-        is_seen = evidence.right[y, partner] >= 0
-        seen = int(evidence.right[y, partner]) + evidence.min_disparity
-        if is_seen and seen > d + 1:
-            costs[y, x] = projection._INVISIBLE + blind_guess[y, x]
-            continue
-        index = min(max(d - evidence.min_disparity, 0), last)
-        excess = sampled_cost(evidence.total, x, y, index, last) - evidence.least[y, x]
-        costs[y, x] = min(excess / TOTAL_UNIT, projection._LARGEST_COST)
-        if is_seen and seen < d - 1:
-            costs[y, x] += projection._TRANSPARENT
-    return costs
-
-
-def is_hidden(evidence, values):
-    """Mark the disparities that are out of the right view, or behind what it shows."""
-    # Against no evidence but the right view, what is not hidden costs nothing.
-    nothing = replace(evidence, total=np.zeros_like(evidence.total),
-                      least=np.zeros_like(evidence.least))
-    costs = projection_cost(nothing, values, np.zeros(values.shape))
-    return costs == projection._INVISIBLE
-
-
-def gain(evidence, proposed, other, is_given, inertia=0.0, is_trusted=False):
-    """Return what another map costs less than the proposed one, 0 where they are alike."""
-    blind_guess = np.where(is_given, 0.0, projection._BLIND_GUESS)
-    kept = projection_cost(evidence, other, blind_guess)
-    lower = projection_cost(evidence, proposed, np.zeros(other.shape)) - kept
-    is_uncontested = (kept < projection._UNCONTESTED) & ~is_hidden(evidence, other)
-    is_worth_it = is_given & (is_trusted | is_uncontested)
-    is_other = np.abs(proposed - other) >= projection.ALIKE
-    return np.where(is_other, lower + inertia * is_worth_it, 0.0).astype(np.float32)
-
-
-def selection_cost(evidence, x, y, d, is_matched):
-    """Return the cost of a plane's disparity at one pixel, in units of cost."""
-    width, last = evidence.cost.shape[1], evidence.num_disparities - 1
-    partner = int(np.floor(x - d + 0.5))
-    if not 0 <= partner < width:
-        return (plane_selection._CONTRADICTED if is_matched
-                else plane_selection._INVISIBLE)
-    seen = int(evidence.right[y, partner])
-    if seen >= 0 and seen + evidence.min_disparity > d + 1 and not is_matched:
-        return plane_selection._INVISIBLE
-    index = d - evidence.min_disparity
-    if not 0 <= index <= last:
-        return plane_selection._CONTRADICTED
-    return sampled_cost(evidence.cost, x, y, index, last) / COST_UNIT
-
-
-def weigh(length, distance):
-    """Return what a step of one pixel costs along a border."""
-    return (plane_selection._SMOOTHNESS * length
-            * np.exp(-distance / plane_selection._COLOR_SCALE))
-
-
-def select(planes, labels, pairs, lengths, distances, middles, evidence, matched):
-    """Try every neighbour's plane on every segment."""
-    planes = planes.copy()
-
-    def energy(label, plane):
-        members = np.argwhere(labels == label)
-        tried = members[::max(1, len(members) // plane_selection._SAMPLES)].tolist()
-        data = sum(selection_cost(evidence, x, y, plane @ [x, y, 1.0], matched[y, x])
-                   for y, x in tried) / len(tried) * len(members)
-        for pair, length, distance, middle in zip(
-                pairs, lengths, distances, middles, strict=True):
-            if label in pair:
-                other = planes[pair.sum() - label]
-                if np.isfinite(other[0]):
-                    step = abs((plane - other) @ [*middle, 1.0])
-                    data += weigh(length, distance) * min(step, plane_selection._LARGEST_STEP)
-        return data
-
-    for label in range(len(planes)):
-        options = [planes[label]] if np.isfinite(planes[label, 0]) else []
-        options += [planes[pair.sum() - label] for pair in pairs if label in pair
-                    and np.isfinite(planes[pair.sum() - label, 0])]
-        if options:
-            energies = [energy(label, plane) for plane in options]
-            planes[label] = options[int(np.argmin(energies))].copy()
     return planes
