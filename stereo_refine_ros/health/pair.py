@@ -24,13 +24,13 @@ import numpy as np
 
 from stereo_refine_ros.health.external import fits_right_better, given_agreement
 from stereo_refine_ros.health.suspicion import CoarseLook, suspect
-from stereo_refine_ros.health.tuning import LOOK_EVERY_S
+from stereo_refine_ros.health.tuning import LOOK_EVERY_PAIRS, LOOK_EVERY_S
 from stereo_refine_ros.health.views import measure_views
 from stereo_refine_ros.images import to_grey
 from stereo_refine_ros.params import MatchingParams, Params
 from stereo_refine_ros.rectification import (
     measure_row_offset, RowOffset, RowOffsetTracker, significant, undo_row_offset)
-from stereo_refine_ros.types import FloatMap, PairHealth, StereoPair
+from stereo_refine_ros.types import FloatMap, Image, PairHealth, StereoPair
 
 
 class PairExaminer:
@@ -46,6 +46,7 @@ class PairExaminer:
         """Start without knowledge of the cameras."""
         self._params = params
         self._tracker = RowOffsetTracker()
+        self._pairs = 0
         self._lock = threading.Lock()
         self._looked_at = -LOOK_EVERY_S
         self._look = CoarseLook(float('nan'), float('nan'), float('nan'))
@@ -55,16 +56,28 @@ class PairExaminer:
         """Return the pair with its row offset undone, and the offset that was found."""
         if pair.right is None:
             return pair, RowOffset()
-        matching = self._params.matching
-        measured = measure_row_offset(to_grey(pair.left), to_grey(pair.right),
-                                      matching.min_disparity, matching.num_disparities)
-        offset = significant(measured)
-        if self._params.temporal.enabled:
-            with self._lock:
-                offset = self._tracker.update(measured)
+        offset = self._row_offset(pair)
         if not self._params.rectification.correct:
             return pair, offset
         return replace(pair, right=undo_row_offset(pair.right, offset, threads)), offset
+
+    def _row_offset(self, pair: StereoPair) -> RowOffset:
+        """Find the offset of one pair, or what it has settled to over the last ones."""
+        assert pair.right is not None
+        if not self._params.temporal.enabled:
+            return significant(self._measure(pair.left, pair.right))
+        with self._lock:
+            self._pairs += 1
+            if not self._tracker.wants_more and self._pairs % LOOK_EVERY_PAIRS:
+                return self._tracker.in_use
+        measured = self._measure(pair.left, pair.right)
+        with self._lock:
+            return self._tracker.update(measured)
+
+    def _measure(self, left: Image, right: Image) -> RowOffset:
+        matching = self._params.matching
+        return measure_row_offset(to_grey(left), to_grey(right), matching.min_disparity,
+                                  matching.num_disparities)
 
     def examine(self, pair: StereoPair, offset: RowOffset, fine: FloatMap,
                 given: FloatMap | None) -> PairHealth:

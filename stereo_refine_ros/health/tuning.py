@@ -46,3 +46,6 @@ EDGE_BLUR_PX = 1.0
 # Coarse look and whose view an external map is of, seconds: so seldom they are asked, since they
 # take as long as a frame's planes.
 LOOK_EVERY_S = 1.0
+# Row offset, pairs: once it has settled it is measured on one pair of so many; a camera that is
+# knocked is followed that much later.
+LOOK_EVERY_PAIRS = 3

@@ -39,6 +39,18 @@ class RowOffsetTracker:
         self._measured: deque[RowOffset] = deque(maxlen=tuning.FRAMES_AVERAGED)
         self._in_use = NO_OFFSET
 
+    @property
+    def in_use(self) -> RowOffset:
+        """The offset to undo, as the last update left it."""
+        return self._in_use
+
+    @property
+    def wants_more(self) -> bool:
+        """Whether the average rests on too few frames yet, or on frames that disagree."""
+        latest = list(self._measured)
+        return len(latest) < tuning.FRAMES_AVERAGED or (
+            _distance(latest[-1], _median(latest)) >= tuning.KNOCK_PX)
+
     def update(self, measured: RowOffset) -> RowOffset:
         """
         Take in one frame's `measure_row_offset`; return the offset to undo.
