@@ -86,7 +86,7 @@ def given_maps(pair: StereoPair, scene: FieldScene, own: Match, params: Params,
 def rows_of(scene: FieldScene, preset: str, rng: np.random.Generator) -> Iterator[Rows]:
     """Gather training rows of a scene with the grid and the planes of a preset."""
     params = load_preset(preset, {'matching.num_disparities': scene.num_disparities})
-    pair, _ = PairExaminer(params).rectify(StereoPair(scene.left, scene.right), 2)
+    pair = PairExaminer(params).prepare(StereoPair(scene.left, scene.right), 2).pair
     scale = grid_scale(pair.shape, params.processing.refine_pixels)
     own = compute_match(pair, params.matching, 2)
     evidence = gather_evidence(pair, own, params.matching, scale, 2)

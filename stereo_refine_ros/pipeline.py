@@ -80,7 +80,8 @@ class StereoRefiner:
         scale = grid_scale(pair.shape, params.processing.refine_pixels)
         graph = start(threads, self._segment, left, scale, clock)  # beside the matching
         with clock.timing('matching'):
-            pair, offset = self._examiner.rectify(pair, threads)
+            prepared = self._examiner.prepare(pair, threads)
+            pair = prepared.pair
             match = find_match(pair, preliminary, params.matching, threads)
             evidence = gather_evidence(pair, match, params.matching, scale, threads)
         segments = graph.result()
@@ -91,13 +92,13 @@ class StereoRefiner:
                            to_grid(match.fit_data, scale), segments, evidence, lowest,
                            lowest + params.matching.num_disparities - 1),
                 params.planes, threads)
-            values = at_full_size(projected.choice, match.disparity.values, left,
+            values = at_full_size(projected.choice, match.disparity.values, pair.left,
                                   evidence.image, scale, threads)
         with clock.timing('filter'):
             refined = apply_filter(values, left, params.filter, threads)
         confidence = np.ascontiguousarray(
             repeated(probability(projected.odds), pair.shape, scale))
-        health = self._examiner.examine(pair, offset, evidence.fine,
+        health = self._examiner.examine(prepared, evidence.fine,
                                         None if match.is_own else projected.choice.given)
         if self._memory is not None:
             with clock.timing('filter'):

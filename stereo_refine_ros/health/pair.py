@@ -16,12 +16,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 import threading
 import time
 
 import numpy as np
 
+from stereo_refine_ros.health.clearing import clear_pair
 from stereo_refine_ros.health.external import fits_right_better, given_agreement
 from stereo_refine_ros.health.suspicion import CoarseLook, suspect
 from stereo_refine_ros.health.tuning import LOOK_EVERY_PAIRS, LOOK_EVERY_S
@@ -31,6 +32,27 @@ from stereo_refine_ros.params import MatchingParams, Params
 from stereo_refine_ros.rectification import (
     measure_row_offset, RowOffset, RowOffsetTracker, significant, undo_row_offset)
 from stereo_refine_ros.types import FloatMap, Image, PairHealth, StereoPair
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """
+    A pair ready to be matched.
+
+    Attributes
+    ----------
+    pair : StereoPair
+        Its row offset undone; grey and clearer where noise was heavy.
+    offset : RowOffset
+        That was found.
+    views : PairHealth
+        What the two images say by themselves.
+
+    """
+
+    pair: StereoPair
+    offset: RowOffset
+    views: PairHealth
 
 
 class PairExaminer:
@@ -47,62 +69,64 @@ class PairExaminer:
         self._params = params
         self._tracker = RowOffsetTracker()
         self._pairs = 0
+        self._views = PairHealth()
         self._lock = threading.Lock()
         self._looked_at = -LOOK_EVERY_S
         self._look = CoarseLook(float('nan'), float('nan'), float('nan'))
         self._fits_right = False
 
-    def rectify(self, pair: StereoPair, threads: int) -> tuple[StereoPair, RowOffset]:
-        """Return the pair with its row offset undone, and the offset that was found."""
+    def prepare(self, pair: StereoPair, threads: int) -> Prepared:
+        """Undo the row offset of a pair, and clear it of noise; say what was found."""
         if pair.right is None:
-            return pair, RowOffset()
-        offset = self._row_offset(pair)
-        if not self._params.rectification.correct:
-            return pair, offset
-        return replace(pair, right=undo_row_offset(pair.right, offset, threads)), offset
+            return Prepared(pair, RowOffset(), PairHealth())
+        offset, views = self._measured(pair.left, pair.right)
+        if self._params.rectification.correct:
+            pair = replace(pair, right=undo_row_offset(pair.right, offset, threads))
+        return Prepared(clear_pair(pair, views), offset, views)
 
-    def _row_offset(self, pair: StereoPair) -> RowOffset:
-        """Find the offset of one pair, or what it has settled to over the last ones."""
-        assert pair.right is not None
+    def _measured(self, left: Image, right: Image) -> tuple[RowOffset, PairHealth]:
+        """Measure a pair, or take what has settled over the last ones."""
         if not self._params.temporal.enabled:
-            return significant(self._measure(pair.left, pair.right))
+            return significant(self._row_offset(left, right)), self._measure_views(left, right)
         with self._lock:
             self._pairs += 1
             if not self._tracker.wants_more and self._pairs % LOOK_EVERY_PAIRS:
-                return self._tracker.in_use
-        measured = self._measure(pair.left, pair.right)
+                return self._tracker.in_use, self._views
+        measured, views = self._row_offset(left, right), self._measure_views(left, right)
         with self._lock:
-            return self._tracker.update(measured)
+            self._views = views
+            return self._tracker.update(measured), views
 
-    def _measure(self, left: Image, right: Image) -> RowOffset:
+    def _row_offset(self, left: Image, right: Image) -> RowOffset:
         matching = self._params.matching
         return measure_row_offset(to_grey(left), to_grey(right), matching.min_disparity,
                                   matching.num_disparities)
 
-    def examine(self, pair: StereoPair, offset: RowOffset, fine: FloatMap,
-                given: FloatMap | None) -> PairHealth:
+    def _measure_views(self, left: Image, right: Image) -> PairHealth:
+        return measure_views(to_grey(left), to_grey(right))
+
+    def examine(self, prepared: Prepared, fine: FloatMap, given: FloatMap | None) -> PairHealth:
         """
         Measure what the images and their own match say.
 
         Parameters
         ----------
-        pair : StereoPair
-            As `rectify` returned it.
-        offset : RowOffset
-            As `rectify` found it.
+        prepared : Prepared
+            The pair, and what `prepare` found.
         fine : float32 ndarray of shape (H, W)
             The own match, NaN where left and right disagree; on any grid.
         given : float32 ndarray of shape (H, W), or None
             A map from outside, on the same grid.
 
         """
+        pair = prepared.pair
         if pair.right is None:
             return PairHealth()
         left, right = to_grey(pair.left), to_grey(pair.right)
         look, fits_right = self._coarse_look(left, right, given)
         matching = self._params.matching
         return replace(
-            measure_views(left, right), row_offset_px=offset.largest_px,
+            prepared.views, row_offset_px=prepared.offset.largest_px,
             matched_ratio=look.as_is, upside_down_ratio=look.upside_down,
             swapped_ratio=look.swapped, last_disparity_ratio=_at_the_end(fine, matching),
             fits_right_better=fits_right,

@@ -49,3 +49,11 @@ LOOK_EVERY_S = 1.0
 # Row offset, pairs: once it has settled it is measured on one pair of so many; a camera that is
 # knocked is followed that much later.
 LOOK_EVERY_PAIRS = 3
+# Noise, ratio to the contrast of the dimmer view: from here on a pair is cleared before it is
+# matched. Healthy pairs 0.02 to 0.04, noise of 5 grey levels 0.07, a dark pair 0.15.
+CLEAR_NOISE = 0.06
+# ... by a Gaussian of so many pixels: bad-1 of five preliminary maps at noise 5, 10 and dark:
+# none 18.8, 28.5, 28.1; 0.7 17.7, 24.1, 24.7; 1.0 18.4, 24.4, 25.5.
+CLEAR_BLUR_PX = 0.7
+# ... and stretched to a contrast of so many grey levels, by at most a factor of so much.
+CLEAR_CONTRAST, CLEAR_GAIN = 40.0, 8.0

@@ -32,11 +32,11 @@ def choose(maps: FloatMap, odds: FloatMap, given: FloatMap, weights: NDArray[np.
     """
     Choose a candidate for every pixel.
 
-    A candidate gains what its log-odds exceed those of the first by. The largest gain of a pixel
-    is averaged over the neighbours of like colour that have another candidate too, so that no
-    pixel decides alone. It wins if it is above a margin, which is larger where a disparity was
-    given, and larger still where the given map is smooth: a smooth map knows more than the
-    evidence against it.
+    A candidate gains what its log-odds exceed those of the first by. A hole takes the largest
+    gain. Where a disparity was given, the largest gain is averaged over the neighbours of like
+    colour that were given one and have another candidate too, so that no pixel decides alone; it
+    wins if it is above a margin, which is larger where the given map is smooth: a smooth map
+    knows more than the evidence against it.
 
     Parameters
     ----------
@@ -54,8 +54,10 @@ def choose(maps: FloatMap, odds: FloatMap, given: FloatMap, weights: NDArray[np.
     """
     which, gain = np.empty(given.shape, np.intp), np.empty(given.shape, np.float32)
     _best_other_kernel(maps, odds, which, gain)
-    margin = np.where(np.isnan(given), np.float32(MARGIN_HOLE), np.float32(_margin(given)))
-    return np.where(_averaged(gain, weights) > margin, which, 0)
+    is_given = np.isfinite(given)
+    mean = _averaged(np.where(is_given, gain, np.float32(-np.inf)), weights)
+    is_likelier = np.where(is_given, mean > _margin(given), gain > MARGIN_HOLE)
+    return np.where(is_likelier, which, 0)
 
 
 def settle(odds: FloatMap, weights: NDArray[np.uint8]) -> FloatMap:

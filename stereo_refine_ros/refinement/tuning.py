@@ -84,12 +84,12 @@ VOTE_SIGMA = 0.02
 # Confidence, units of 255 grey levels: the same for what neighbours of like colour say of their
 # own disparities. Without them the area under the sparsification curve is a tenth larger.
 SETTLE_SIGMA = 0.05
-# Choice, log-odds: how much likelier than a filled hole another candidate must be. 1.2: own maps
-# lose 0.1; 0.5: Rocks1 gets worse by 0.4 (benchmarks/field.py).
-MARGIN_HOLE = 0.2
+# Choice, log-odds: how much likelier than a hole filled from the background another candidate must
+# be. 0.0: Bowling1 gets worse by 0.2 in `accurate`; 0.3: Reindeer_half by 0.4 in `live`.
+MARGIN_HOLE = 0.15
 # Choice, log-odds: the same for a given disparity: MARGIN_GIVEN - MARGIN_SLOPE x roughness, within
 # MARGINS; the roughness of the whole map is about -2 for a network's, 1 for a matcher's.
-# benchmarks/field.py, HITNet on KITTI: 1.0, 0.8 makes 4 of 9 scenes worse by 0.1, these none.
+# HITNet on KITTI: 1.0 and 0.8 make 4 of 9 scenes worse by 0.1 (benchmarks/field.py), these none.
 MARGIN_GIVEN, MARGIN_SLOPE, MARGINS = 1.5, 2.0, (0.7, 5.0)
 # Planes, ratio: what an adopted plane is believed like: as one with so many inliers.
 ADOPTED_QUALITY = 0.3
