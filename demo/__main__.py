@@ -33,7 +33,7 @@ from stereo_refine_ros.params import preset_path
 if TYPE_CHECKING:
     from demo.collector import Collector
 
-_FIRST_FRAME_S = 90.0
+_FIRST_FRAME_S = 120.0
 _SILENCE_S = 10.0
 _LONGEST_RUN_S = 60.0
 _LONGEST_S = 160.0

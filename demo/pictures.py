@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import cv2
@@ -32,7 +32,7 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _INK, _PAPER, _MUTED = (30, 30, 30), (255, 255, 255), (110, 110, 110)
 _LABEL_HEIGHT, _GAP = 34, 8
 _SHEET_COLUMNS = 3
-_BAR_STEP, _ROW_STEP = 36, 18
+_BAR_STEP, _ROW_STEP = 34, 16
 _SMALLEST_TILE = 440
 
 
@@ -151,10 +151,20 @@ def _measures(panel: Image, top: int, metrics: Mapping[str, float]) -> None:
                  format_value(after))
         for x, text in zip(columns, texts, strict=True):
             _text(panel, text, (x, top), 0.46, _INK)
-    top += _ROW_STEP + 5
-    _text(panel, f'{format_value(metrics.get("total_ms"))} ms a frame, '
-          f'{format_value(metrics.get("segments"))} segments, '
-          f'{format_value(metrics.get("planes_fitted"))} planes', (12, top), 0.46, _MUTED)
+    for text in _footnotes(metrics):
+        top += _ROW_STEP
+        _text(panel, text, (12, top), 0.46, _MUTED)
+
+
+def _footnotes(metrics: Mapping[str, float]) -> Iterator[str]:
+    def shown(name: str) -> str:
+        return format_value(metrics.get(name))
+    yield (f'right view: rows {shown("row_offset_px")} px off, {shown("gain_ratio")} times as '
+           'bright')
+    yield (f'mean confidence {shown("confidence_mean")}; {shown("published_ratio")} of the '
+           'pixels published')
+    yield (f'{shown("total_ms")} ms a frame, {shown("segments")} segments, '
+           f'{shown("planes_fitted")} planes')
 
 
 def _text(picture: Image, text: str, at: tuple[int, int], scale: float,

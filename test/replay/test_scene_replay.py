@@ -168,7 +168,8 @@ def test_replay_gives_whole_images_room_by_itself(listen):
     (['--data', '/nowhere'], '--data'), (['--bag', '/nowhere'], 'bag: /nowhere does not exist'),
     (['--bag', '/dev'], 'bag: /dev: '), (['--left', 'a*'], 'go together'),
     (['--left', 'a*', '--right', 'b*'], 'finds 0 images'),
-    (['--rate', '0'], '--rate'), (['--bag', 'b', '--synthetic'], 'not allowed')])
+    (['--rate', '0'], '--rate'), (['--row-offset', '200'], '--row-offset'),
+    (['--bag', 'b', '--synthetic'], 'not allowed')])
 def test_what_cannot_be_played_is_one_clear_error(options, reason):
     with replaying(*options) as process:
         out, err = process.communicate(timeout=20)
