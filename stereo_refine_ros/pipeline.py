@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 import time
 
 import numpy as np
@@ -35,8 +36,7 @@ from stereo_refine_ros.refinement.filters import apply_filter
 from stereo_refine_ros.refinement.likelihood import probability
 from stereo_refine_ros.refinement.plane_stage import PlaneStage, Projected, PROJECTIONS, unfitted
 from stereo_refine_ros.threads import start
-from stereo_refine_ros.types import (
-    DisparityMap, FloatMap, Image, PairHealth, RefinementResult, StereoPair)
+from stereo_refine_ros.types import FloatMap, Image, PairHealth, RefinementResult, StereoPair
 
 
 class StereoRefiner:
@@ -76,9 +76,8 @@ class StereoRefiner:
             For images or a map of the wrong type or shape.
 
         """
-        clock = _Clock()
+        clock, pair = _Clock(), StereoPair(left, right)
         params, threads = self.params, threads or self.params.processing.threads
-        pair = StereoPair(left, right)
         scale = grid_scale(pair.shape, params.processing.refine_pixels)
         graph = start(threads, self._segment, left, scale, clock)  # beside the matching
         with clock.timing('matching'):
@@ -91,8 +90,7 @@ class StereoRefiner:
             projected = self._project(
                 PlaneStage(to_grid(match.disparity.values, scale),
                            to_grid(match.fit_data, scale), segments, evidence, lowest,
-                           lowest + params.matching.num_disparities - 1),
-                params.planes, threads)
+                           lowest + params.matching.num_disparities - 1), params.planes, threads)
             values = at_full_size(projected.choice, match.disparity.values, left,
                                   evidence.image, scale, threads)
         with clock.timing('filter'):
@@ -110,8 +108,7 @@ class StereoRefiner:
         Parameters and errors are those of `process`. The map may have holes; what is valid has
         confidence 1, and the image is one unfitted segment.
         """
-        clock = _Clock()
-        pair = StereoPair(left, right)
+        clock, pair = _Clock(), StereoPair(left, right)
         with clock.timing('matching'):
             found = find_match(pair, preliminary, self.params.matching,
                                threads or self.params.processing.threads).disparity
@@ -126,13 +123,12 @@ class StereoRefiner:
 
     def _result(self, refined: FloatMap, match: Match, projected: Projected, scale: int,
                 health: PairHealth, clock: _Clock) -> RefinementResult:
-        shape, searched = refined.shape, match.disparity
-        confidence = np.ascontiguousarray(
-            repeated(probability(projected.odds), shape, scale))
+        shape, confidence = refined.shape, probability(projected.odds)
         return RefinementResult(
-            DisparityMap(refined, searched.min_disparity, searched.num_disparities), searched,
+            replace(match.disparity, values=refined), match.disparity,
             segments_at_full_size(projected.segments, shape, scale), match.lr_consistent_ratio,
-            clock.stage_ms, clock.total_ms(), confidence, health)
+            clock.stage_ms, clock.total_ms(),
+            np.ascontiguousarray(repeated(confidence, shape, scale)), health)
 
 
 class _Clock:

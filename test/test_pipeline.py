@@ -237,60 +237,7 @@ def test_full_projection_puts_every_pixel_of_a_fitted_segment_on_its_plane(scene
         result.disparity.values[~on_plane], result.preliminary.values[~on_plane])
 
 
-@pytest.mark.parametrize('rows', [2, 3])
-def test_planes_of_averaged_rows_are_in_pixels_of_the_image(scene, rows):
-    result = refine(views(scene), processing__max_cells=0.001, processing__min_rows=120 // rows)
-    assert_sound(result, (120, 160), 0, RANGE)
-    assert bad_ratio(result.disparity.values, scene.truth) < 0.06
-    disparities, on_plane = disparities_of(result.segments)
-    assert on_plane.mean() > 0.8
-    error = np.abs(disparities - scene.truth)[on_plane]
-    assert np.median(error) < 0.2
-    assert np.mean(error > 1.0) < 0.06
-
-
-def edge_cases():
-    rng = np.random.default_rng(9)
-    noise = rng.integers(0, 256, (2, 20, 30, 3), dtype=np.uint8)
-    board = (np.indices((20, 30)).sum(0) % 2 * 255).astype(np.uint8)
-    synthetic = render_scene(seed=4, height=40, width=48, num_disparities=16).pair
-    return {
-        'constant': (np.full((20, 30, 3), 77, np.uint8),) * 2,
-        'black': (np.zeros((20, 30), np.uint8),) * 2,
-        'white against black': (np.full((20, 30), 255, np.uint8), np.zeros((20, 30), np.uint8)),
-        'noise': tuple(noise),
-        'identical': (noise[0], noise[0]),
-        'board': (board, 255 - board),
-        'swapped': (synthetic.right, synthetic.left),
-        '1x1': tuple(noise[:, :1, :1]),
-        '1xN': tuple(noise[:, :1]),
-        'Nx1': tuple(noise[:, :, :1]),
-        '2x2 grey': tuple(noise[:, :2, :2, 0]),
-        '8x8': tuple(noise[:, :8, :8]),
-    }
-
-
-@pytest.mark.parametrize('first, count', [(0, 16), (-7, 13), (3, 1), (0, 100), (60, 9)])
-@pytest.mark.parametrize('name', list(edge_cases()))
-@pytest.mark.parametrize('preset', PRESETS)
-def test_whatever_comes_in_what_goes_out_is_sound(preset, name, first, count):
-    pair = edge_cases()[name]
-    result = refine(
-        pair, preset, matching__min_disparity=first, matching__num_disparities=count)
-    assert_sound(result, pair[0].shape[:2], first, count)
-
-
-@pytest.mark.parametrize('projection', ['full', 'guarded', 'off'])
-@pytest.mark.parametrize('name', ['noise', 'constant', '1x1', '8x8', 'swapped'])
-@pytest.mark.parametrize('method', REFINED_MATCHERS)
-def test_every_matcher_and_projection_survives_edge_cases(method, name, projection):
-    pair = edge_cases()[name]
-    result = refine(pair, matching__method=method, planes__projection=projection,
-                    processing__max_cells=0.001, processing__min_rows=4)
-    assert_sound(result, pair[0].shape[:2], 0, RANGE)
-
-
-def test_pairs_that_are_none_are_refused(scene):
+@@ROWS@@def test_pairs_that_are_none_are_refused(scene):
     with pytest.raises(ValueError, match='needs the right image'):
         refine((scene.pair.left, None))
     with pytest.raises(ValueError, match='external'):

@@ -11,6 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
 """The examiner of pairs: rows put right, health told, whatever came before and beside it."""
 
 from concurrent.futures import ThreadPoolExecutor

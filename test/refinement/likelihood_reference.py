@@ -11,6 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
 """The likelihood, pixel by pixel in plain Python: slow, and said in the words of FEATURES."""
 
 from __future__ import annotations
