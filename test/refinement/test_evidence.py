@@ -73,6 +73,17 @@ def test_the_last_disparity_of_the_range_is_seen_at_half_resolution_too(pair, sc
     assert np.nanmedian(evidence.coarse) == pytest.approx(SHIFT, abs=0.5)
 
 
+@pytest.mark.parametrize('first, count', [(-7, 13), (-9, 7), (0, 16), (3, 1), (5, 2)])
+def test_no_match_leaves_the_range(first, count):
+    noise = np.random.default_rng(1).integers(0, 256, (2, 60, 90), dtype=np.uint8)
+    params = MatchingParams('scanline', first, count)
+    views = StereoPair(noise[0], noise[1])
+    evidence = gather_evidence(views, compute_match(views, params), params, 1)
+    for values in (evidence.fine, evidence.coarse):
+        known = values[np.isfinite(values)]
+        assert first <= known.min() <= known.max() <= first + count - 1
+
+
 @pytest.mark.parametrize('scale', [1, 2])
 def test_whatever_map_is_judged_the_witness_is_the_same(pair, scale):
     own = gather_evidence(pair, compute_match(pair, PARAMS), PARAMS, scale)
