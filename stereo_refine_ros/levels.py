@@ -178,12 +178,13 @@ def _interpolate(y, x, grid, left, grid_left, smooth):
         return (a * (one - right) + b * right) * (one - down) + (
             c * (one - right) + d * right) * down
     best, least = a, np.int32(1 << 30)
+    parts = np.int32(3 // left.shape[2])  # grey counts as three equal channels
     for k in range(4):
         gy, gx = y1 if k & 2 else y0, x1 if k & 1 else x0
         # Of two that are equally alike, the nearer.
         change = np.int32(0 if gy == y >> 1 else 5) + np.int32(0 if gx == x >> 1 else 5)
         for i in range(left.shape[2]):
-            change += abs(np.int32(left[y, x, i]) - np.int32(grid_left[gy, gx, i]))
+            change += parts * abs(np.int32(left[y, x, i]) - np.int32(grid_left[gy, gx, i]))
         if change < least:
             best, least = grid[gy, gx], change
     return best

@@ -36,8 +36,7 @@ from stereo_refine_ros.refinement.likelihood import probability
 from stereo_refine_ros.refinement.plane_stage import PlaneStage, PROJECTIONS, unfitted
 from stereo_refine_ros.refinement.steadying import FrameMemory
 from stereo_refine_ros.threads import start
-from stereo_refine_ros.types import (
-    FloatMap, Image, PairHealth, RefinementResult, StereoPair)
+from stereo_refine_ros.types import FloatMap, Image, PairHealth, RefinementResult, StereoPair
 
 
 class StereoRefiner:
@@ -74,9 +73,8 @@ class StereoRefiner:
             For images or a map of the wrong type or shape.
 
         """
-        clock = _Clock()
+        clock, pair = _Clock(), StereoPair(left, right)
         params, threads = self.params, threads or self.params.processing.threads
-        pair = StereoPair(left, right)
         scale = grid_scale(pair.shape, params.processing.refine_pixels)
         graph = start(threads, self._segment, left, scale, clock)  # beside the matching
         with clock.timing('matching'):
@@ -90,8 +88,7 @@ class StereoRefiner:
             projected = self._project(
                 PlaneStage(to_grid(match.disparity.values, scale),
                            to_grid(match.fit_data, scale), segments, evidence, lowest,
-                           lowest + params.matching.num_disparities - 1),
-                params.planes, threads)
+                           lowest + params.matching.num_disparities - 1), params.planes, threads)
             values = at_full_size(projected.choice, match.disparity.values, pair.left,
                                   evidence.image, scale, threads)
         with clock.timing('filter'):
@@ -118,8 +115,7 @@ class StereoRefiner:
         Parameters and errors are those of `process`. The map may have holes; what is valid has
         confidence 1, and the image is one unfitted segment.
         """
-        clock = _Clock()
-        pair = StereoPair(left, right)
+        clock, pair = _Clock(), StereoPair(left, right)
         with clock.timing('matching'):
             found = find_match(pair, preliminary, self.params.matching,
                                threads or self.params.processing.threads).disparity

@@ -44,6 +44,7 @@ from stereo_refine_ros import KERNELS
 from stereo_refine_ros.params import load_preset, Params, PRESETS, SPECS
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.frame import measure_frame
+from stereo_refine_ros.rectification import compile_kernels
 from stereo_refine_ros.types import FloatMap, RefinementResult, StereoPair
 
 Progress = Callable[[str], None]
@@ -79,6 +80,7 @@ def run_kernels(params: Params, refine: Refine, progress: Progress = lambda text
     truth = np.full((64, width), 4, np.float32)
     grey = (np.ascontiguousarray(left[..., 0]), np.ascontiguousarray(right[..., 0]))
     pairs = {'colour': StereoPair(left, right), 'grey': StereoPair(*grey)}
+    compile_kernels()  # the small pair is matched at one level only
     given = truth if params.matching.method == 'external' else None
     # Whatever the size of the frames to come, planes are made on the image or on its half.
     grids = [params.updated({'processing.refine_pixels': pixels}) for pixels in (1.0, 0.0)]

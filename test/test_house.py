@@ -40,7 +40,7 @@ CORE = [path for path in PRODUCT if path.relative_to(PACKAGE).parts[0] not in SH
 ROS_MODULES = (
     'rclpy', 'launch', 'launch_ros', 'ament_index_python', 'builtin_interfaces',
     'rcl_interfaces', 'rosgraph_msgs', 'tf2_ros')
-LONGEST_FILE, LONGEST_FUNCTION, LONGEST_KERNEL = 300, 60, 80
+LONGEST_FILE, LONGEST_FUNCTION, LONGEST_KERNEL, LONGEST_PIPELINE = 300, 60, 80, 150
 
 BLOCK_ROS = """
 import importlib, pkgutil, sys
@@ -166,14 +166,30 @@ def test_kernels_are_cached_and_keep_nan(path: Path):
 
 
 # What stands further left knows nothing of what stands further right.
-STOREYS = ('images', 'graph', 'matching', 'refinement', 'quality', 'pipeline', 'evaluation')
+STOREYS = ('images', 'graph', 'levels', 'matching', 'refinement', 'rectification', 'health',
+           'quality', 'pipeline', 'evaluation')
+SHELL_STOREYS = ('messages', 'node', 'replay', 'demo')
 
 
-@pytest.mark.parametrize('path', CORE, ids=_name)
-def test_no_import_runs_up(path: Path):
+def _above(path: Path, storeys: tuple[str, ...]) -> set[str]:
+    """Name what a file imports from further up than where it stands."""
     storey = path.relative_to(PACKAGE).parts[0].removesuffix('.py')
-    if storey in STOREYS:
-        above = STOREYS[STOREYS.index(storey) + 1:]
-        packages = {name.split('.')[1] for name in _imports(path)
-                    if name.startswith('stereo_refine_ros.')}
-        assert packages.isdisjoint(above), packages
+    packages = {name.split('.')[1] for name in _imports(path)
+                if name.startswith('stereo_refine_ros.')}
+    return packages.intersection(storeys[storeys.index(storey) + 1:] if storey in storeys else ())
+
+
+@pytest.mark.parametrize('path', PRODUCT, ids=_name)
+def test_no_import_runs_up(path: Path):
+    assert _above(path, STOREYS) == set()
+    assert _above(path, SHELL_STOREYS) == set()
+
+
+@pytest.mark.parametrize('name', [*STOREYS, *SHELL_STOREYS])
+def test_every_storey_is_there(name: str):
+    assert (PACKAGE / name).is_dir() or (PACKAGE / f'{name}.py').is_file()
+
+
+def test_the_method_is_on_one_screen():
+    lines = (PACKAGE / 'pipeline.py').read_text(encoding='utf-8').splitlines()
+    assert len(lines) < LONGEST_PIPELINE

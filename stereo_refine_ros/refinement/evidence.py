@@ -41,9 +41,8 @@ def gather_evidence(pair: StereoPair, match: Match, params: MatchingParams, scal
         return _alone(pair.left, match.disparity.values, scale)
     first, count = params.min_disparity, params.num_disparities
     fine = match.scan or scan(pair, first, count, threads)
-    # One more at the end: the last disparity of the range is between two of the half.
     half = halve_pair(pair)
-    coarse = _doubled(scan(half, first // 2, -(-count // 2) + 1, threads))
+    coarse = _doubled(scan(half, first // 2, -(-count // 2), threads), first, count)
     values = match.disparity.values if match.scan else without_islands(fine.disparity)
     if scale == 2:
         return Evidence(half.left, 2, to_grid(values, 2), coarse.disparity,
@@ -52,9 +51,10 @@ def gather_evidence(pair: StereoPair, match: Match, params: MatchingParams, scal
                     fine.uniqueness, fine.right)
 
 
-def _doubled(found: Scan) -> Scan:
-    """Turn a match of half-size images into full-size pixels, small islands dropped."""
-    return replace(found, disparity=2 * without_islands(found.disparity), right=2 * found.right)
+def _doubled(found: Scan, first: int, count: int) -> Scan:
+    """Turn a match of half-size images into full-size pixels of the range, islands dropped."""
+    disparity = np.clip(2 * without_islands(found.disparity), first, first + count - 1)
+    return replace(found, disparity=disparity, right=2 * found.right)
 
 
 def _alone(left: Image, given: FloatMap, scale: int) -> Evidence:

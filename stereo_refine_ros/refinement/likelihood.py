@@ -33,12 +33,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import cv2
-from numba import njit
 import numpy as np
 
+from stereo_refine_ros.refinement.likelihood_kernels import (
+    judge_kernel, NONE, roughness_kernel)
 from stereo_refine_ros.refinement.likelihood_table import ALONE, PAIR
 from stereo_refine_ros.refinement.tuning import (
-    ALIKE, AROUND_WINDOW, COLOR_SCALE, LOCAL_WINDOW, REACH, REACH_GROWTH, RING, STEP)
+    AROUND_WINDOW, LOCAL_WINDOW, REACH, REACH_GROWTH, RING)
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, Image
 
@@ -48,7 +49,6 @@ FEATURES = (
     'transparent', 'unseen', 'hole', 'hole_vote', 'hole_plane', 'uniqueness_around',
     'disagreement_around')
 _COUNT = len(FEATURES)
-_NONE = np.float32(-1e6)  # stands for a missing disparity where NaN would cost time
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +127,7 @@ def log_odds(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Eviden
     """
     table = np.array(PAIR if evidence.has_right else ALONE, np.float32)
     out = np.empty_like(maps)
-    run_bands(_judge_kernel, maps.shape[1], threads, *_arguments(maps, given, planes, evidence),
+    run_bands(judge_kernel, maps.shape[1], threads, *_arguments(maps, given, planes, evidence),
               table, out, np.empty((0, 0, 0, 0), np.float32))
     return out
 
@@ -136,7 +136,7 @@ def features_at(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evi
                 ) -> FloatMap:
     """Return what the model looks at, float32 (K, H, W, F): to fit it."""
     out = np.empty((*maps.shape, _COUNT), np.float32)
-    _judge_kernel(0, maps.shape[1], *_arguments(maps, given, planes, evidence),
+    judge_kernel(0, maps.shape[1], *_arguments(maps, given, planes, evidence),
                   np.zeros(_COUNT, np.float32), np.empty_like(maps), out)
     return out
 
@@ -153,21 +153,8 @@ def roughness(values: FloatMap) -> FloatMap:
     NaN where a neighbour is missing.
     """
     bend = np.full(values.shape, np.nan, np.float32)
-    _roughness_kernel(np.ascontiguousarray(values), bend)
+    roughness_kernel(np.ascontiguousarray(values), bend)
     return bend
-
-
-@njit(cache=True, nogil=True)
-def _roughness_kernel(values, bend):
-    one, twice = np.float32(1), np.float32(2)
-    for y in range(1, values.shape[0] - 1):
-        up, here, down = values[y - 1], values[y], values[y + 1]
-        for x in range(1, values.shape[1] - 1):
-            across = abs(here[x - 1] + here[x + 1] - twice * here[x])
-            along = abs(up[x] + down[x] - twice * here[x])
-            total = np.float32(0.5) * (min(across, one) + min(along, one))
-            # A minimum may lose a NaN; their sum does not.
-            bend[y, x] = total if across + along >= 0 else np.float32(np.nan)
 
 
 def _arguments(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evidence,
@@ -180,7 +167,7 @@ def _arguments(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evid
         cv2.copyMakeBorder(np.ascontiguousarray(channels[..., c]), reach, reach, reach, reach,
                            cv2.BORDER_REPLICATE) for c in range(channels.shape[2])])
     fine = cv2.copyMakeBorder(_filled(evidence.fine), reach, reach, reach, reach,
-                              cv2.BORDER_CONSTANT, value=float(_NONE))
+                              cv2.BORDER_CONSTANT, value=float(NONE))
     inside = cv2.copyMakeBorder(np.ones(given.shape, np.float32), reach, reach, reach, reach,
                                 cv2.BORDER_CONSTANT, value=0.0)
     local = _local_roughness(given)
@@ -194,7 +181,7 @@ def _arguments(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evid
 
 
 def _filled(values: FloatMap) -> FloatMap:
-    return np.where(np.isnan(values), _NONE, values)
+    return np.where(np.isnan(values), NONE, values)
 
 
 def _local_roughness(given: FloatMap) -> FloatMap:
@@ -205,121 +192,3 @@ def _local_roughness(given: FloatMap) -> FloatMap:
     total = cv2.blur(np.nan_to_num(bend), size, borderType=cv2.BORDER_REFLECT)
     share = cv2.blur(known, size, borderType=cv2.BORDER_REFLECT)
     return np.log(total / np.maximum(share, np.float32(0.05)) + np.float32(0.01)) + np.float32(2)
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def _judge_kernel(start, stop, maps, given, plane, quality, fine, inside, coarse, uniqueness,
-                  right, local, unique_around, disagreement, image, ring, allowed,
-                  scale, table, odds, features):
-    """Fill rows start..stop of `odds`; and of `features` (K, H, W, F), if asked."""
-    count, _, width = maps.shape
-    reach = (fine.shape[1] - width) // 2
-    weight = np.empty(width, np.float32)
-    known, every = np.empty(width, np.float32), np.empty(width, np.float32)
-    agreeing = np.empty((count, width), np.float32)
-    for y in range(start, stop):
-        _count_votes(y, reach, maps, fine, inside, image, ring, allowed, weight, known, every,
-                     agreeing)
-        for k in range(count):
-            for x in range(width):
-                z = maps[k, y, x]
-                # What is as good as the first needs no judgement of its own.
-                if k > 0 and features.shape[0] == 0 and abs(z - maps[0, y, x]) <= ALIKE:
-                    odds[k, y, x] = odds[0, y, x]
-                    continue
-                partner = int(np.floor(x - z / scale + np.float32(0.5)))
-                is_seen = 0 <= partner < width
-                seen = right[y, partner] if is_seen else _NONE
-                g, p, f, c = given[y, x], plane[y, x], fine[y + reach, x + reach], coarse[y, x]
-                residual = min(abs(p - z), np.float32(1))
-                q = quality[y, x]
-                is_given = g > _NONE
-                is_near = is_given and abs(g - z) <= 1
-                f_near = max(np.float32(0), np.float32(1) - abs(f - z))
-                vote = (agreeing[k, x] + np.float32(0.5)) / (
-                    known[x] + np.float32(1)) - np.float32(0.5)
-                is_hole = np.float32(0) if is_given else np.float32(1)
-                values = (
-                    np.float32(1),
-                    vote,
-                    known[x] / max(every[x], np.float32(1e-6)) - np.float32(0.5),
-                    q * (np.float32(1) - residual),
-                    q if residual >= 1 else np.float32(0),
-                    residual,
-                    np.float32(1) if is_given and not is_near else np.float32(0),
-                    local[y, x] if is_near else np.float32(0),
-                    local[y, x] if is_given and not is_near else np.float32(0),
-                    f_near,
-                    np.float32(1) if c > _NONE and abs(c - z) > 1 else np.float32(0),
-                    uniqueness[y, x] if f_near > 0 else np.float32(0),
-                    _bend(maps[k], y, x),
-                    _step(maps[k], y, x),
-                    np.float32(1) if seen > _NONE and seen < z - 1 else np.float32(0),
-                    np.float32(0) if is_seen else np.float32(1),
-                    is_hole,
-                    is_hole * vote,
-                    is_hole * q * (np.float32(1) - residual),
-                    unique_around[y, x],
-                    disagreement[y, x])
-                total = np.float32(0)
-                for i in range(len(values)):
-                    total += values[i] * table[i]
-                odds[k, y, x] = total
-                if features.shape[0] > 0:
-                    for i in range(len(values)):
-                        features[k, y, x, i] = values[i]
-
-
-@njit(cache=True, nogil=True, inline='always')
-def _bend(z, y, x):
-    """Mean of both second differences at a pixel, each at most 1 px."""
-    height, width = z.shape
-    up, down = z[max(y - 1, 0), x], z[min(y + 1, height - 1), x]
-    left, right = z[y, max(x - 1, 0)], z[y, min(x + 1, width - 1)]
-    twice, one = np.float32(2) * z[y, x], np.float32(1)
-    return np.float32(0.5) * (min(abs(up + down - twice), one)
-                              + min(abs(left + right - twice), one))
-
-
-@njit(cache=True, nogil=True, inline='always')
-def _step(z, y, x):
-    """1 where the map steps between a pixel and those two away, else 0."""
-    height, width = z.shape
-    here = z[y, x]
-    most = max(max(abs(z[max(y - 2, 0), x] - here), abs(z[min(y + 2, height - 1), x] - here)),
-               max(abs(z[y, max(x - 2, 0)] - here), abs(z[y, min(x + 2, width - 1)] - here)))
-    return np.float32(1) if most > STEP else np.float32(0)
-
-
-# The order of these sums does not matter, so that they fill vector registers.
-@njit(cache=True, nogil=True, fastmath={'contract', 'arcp'}, error_model='numpy')
-def _count_votes(y, reach, maps, fine, inside, image, ring, allowed, weight, known, every,
-                 agreeing):
-    """Weigh the neighbours on a ring by colour, and sum who matched and who agrees."""
-    count, _, width = maps.shape
-    known[:] = 0
-    every[:] = 0
-    agreeing[:] = 0
-    difference = np.empty(width, np.int16)
-    for i in range(ring.shape[0]):
-        v, u = y + reach + ring[i, 0], reach + ring[i, 1]
-        there, is_inside = fine[v, u:u + width], inside[v, u:u + width]
-        difference[:] = 0
-        for c in range(image.shape[0]):
-            a = image[c, y + reach, reach:reach + width]
-            b = image[c, v, u:u + width]
-            for x in range(width):
-                change = np.int16(np.int16(a[x]) - np.int16(b[x]))
-                difference[x] = max(difference[x], max(change, np.int16(-change)))
-        for x in range(width):
-            d = np.float32(difference[x]) * np.float32(1 / COLOR_SCALE)
-            w = is_inside[x] / (np.float32(1) + d * d)
-            every[x] += w
-            w = w if there[x] > _NONE else np.float32(0)
-            known[x] += w
-            weight[x] = w
-        limit = allowed[i]
-        for k in range(count):
-            z, sums = maps[k, y], agreeing[k]
-            for x in range(width):
-                sums[x] += weight[x] if abs(there[x] - z[x]) <= limit else np.float32(0)

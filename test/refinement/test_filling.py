@@ -16,7 +16,7 @@
 
 import numpy as np
 
-from stereo_refine_ros.refinement.filling import fill_from_background
+from stereo_refine_ros.refinement.filling import fill_from_background, fill_sides
 
 N = np.nan
 
@@ -42,6 +42,29 @@ def test_by_hand():
     values = np.array([[N, 4, N, N, 7, N], [9, N, 2, N, N, 5]], np.float32)
     expected = [[4, 4, 4, 4, 7, 7], [9, 2, 2, 2, 2, 5]]
     np.testing.assert_array_equal(fill_from_background(values), expected)
+
+
+def test_both_sides_by_hand():
+    values = np.array([[N, 4, N, N, 7, N], [9, N, 2, N, N, 5], [N] * 6], np.float32)
+    back, front = fill_sides(values)
+    np.testing.assert_array_equal(back[:2], [[4, 4, 4, 4, 7, 7], [9, 2, 2, 2, 2, 5]])
+    np.testing.assert_array_equal(front[:2], [[4, 4, 7, 7, 7, 7], [9, 9, 2, 5, 5, 5]])
+    np.testing.assert_array_equal(back[2], back[1])
+    np.testing.assert_array_equal(front[2], front[1])
+    assert back.dtype == front.dtype == np.float32
+
+
+def test_the_background_is_never_nearer_than_the_foreground():
+    rng = np.random.default_rng(2)
+    values = rng.uniform(0, 60, (13, 9)).astype(np.float32)
+    values[rng.random(values.shape) < 0.7] = N
+    back, front = fill_sides(values)
+    assert np.all(back <= front) and np.any(back < front)
+    np.testing.assert_array_equal(back, fill_from_background(values))
+    # In front is behind of the map turned inside out.
+    np.testing.assert_array_equal(front, -fill_from_background(-values))
+    known = np.isfinite(values)
+    np.testing.assert_array_equal(front[known], values[known])
 
 
 def test_rows_without_data_take_the_nearest():

@@ -12,9 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The plane stage: full and guarded projection on maps whose truth is known."""
-
-import dataclasses
+"""The plane stage: every projection on maps whose truth is known."""
 
 import numpy as np
 import plane_reference
@@ -22,16 +20,20 @@ import pytest
 
 from stereo_refine_ros.graph.pixel_graph import edge_weights
 from stereo_refine_ros.graph.segment_graph import find_borders, group_pixels, SegmentGraph
-from stereo_refine_ros.matching.evidence import TOTAL_UNIT
-from stereo_refine_ros.matching.match import Match
-from stereo_refine_ros.matching.scanline import gather_evidence
-from stereo_refine_ros.params import MatchingParams, PlaneParams, PROJECTIONS as NAMES
+from stereo_refine_ros.params import PlaneParams, PROJECTIONS as NAMES
+from stereo_refine_ros.refinement.filling import fill_from_background
+from stereo_refine_ros.refinement.likelihood import Evidence
 from stereo_refine_ros.refinement.plane_stage import (
-    apply_planes, project_full, project_guarded, PROJECTIONS, unfitted)
-from stereo_refine_ros.types import DisparityMap, StereoPair
+    PlaneStage, project_full, project_guarded, project_off, PROJECTIONS, share_planes, unfitted)
+from stereo_refine_ros.refinement.tuning import ADOPTED_QUALITY
 
 SHAPE = (18, 30)
 RANGE = 12
+PLANES = np.array([[0.1, 0.05, 2.0], [0.0, 0.0, 6.0], [-0.1, 0.1, 9.0]])
+LABELS = np.tile(np.repeat(np.arange(3, dtype=np.int32), 10), (SHAPE[0], 1))
+IMAGE = np.array([40, 70, 200], np.uint8)[LABELS]
+PARAMS = PlaneParams()
+N = np.nan
 
 
 @pytest.fixture(autouse=True)
@@ -41,241 +43,185 @@ def wrapping_allowed():
         yield
 
 
-def blocks():
-    """Return an image of three segments side by side, their labels and planes."""
-    labels = np.tile(np.repeat(np.arange(3, dtype=np.int32), 10), (SHAPE[0], 1))
-    image = np.array([40, 70, 200], np.uint8)[labels]
-    return image, labels, np.array([[0.1, 0.05, 2.0], [0.0, 0.0, 6.0], [-0.1, 0.1, 9.0]])
-
-
-def describe(image, labels):
-    """Gather the graph of an image whose segments are given."""
-    return SegmentGraph(labels, 3, group_pixels(labels, 3), find_borders(labels, 3, image),
-                          edge_weights(image))
-
-
-def render(labels, planes):
-    y, x = np.indices(labels.shape)
-    a, b, c = planes[labels].transpose(2, 0, 1)
+def render(planes=PLANES):
+    y, x = np.indices(SHAPE)
+    a, b, c = np.asarray(planes)[LABELS].transpose(2, 0, 1)
     return (a * x + b * y + c).astype(np.float32)
 
 
-def match_of(values, subpixel=None, first=0, count=RANGE, evidence=None):
-    return Match(DisparityMap(values, first, count), subpixel=subpixel, evidence=evidence)
+def stage_of(given, data=None, first=0, count=RANGE, matched=None, has_right=True):
+    """Return a stage on three segments; the matches say `matched`, or what was given."""
+    graph = SegmentGraph(LABELS, 3, group_pixels(LABELS, 3), find_borders(LABELS, 3, IMAGE),
+                         edge_weights(IMAGE))
+    nothing = np.full(SHAPE, N, np.float32)
+    fine = given if matched is None else matched
+    evidence = Evidence(IMAGE, 1, fine, nothing if matched is None else matched,
+                        np.full(SHAPE, 0.5, np.float32), nothing, has_right)
+    return PlaneStage(given, given if data is None else data, graph, evidence, float(first),
+                      first + count - 1.0)
 
 
-def points_of(labels, data, label):
-    y, x = np.nonzero((labels == label) & np.isfinite(data))
+def points_of(data, label):
+    y, x = np.nonzero((LABELS == label) & np.isfinite(data))
     return np.column_stack([x, y, data[y, x]]).astype(float)
 
 
+def holed_map():
+    """Return the planes with holes; the third segment is noise."""
+    values = render()
+    values[::3, ::4] = N
+    values[:, 20:] = np.random.default_rng(0).uniform(0, 200, (SHAPE[0], 10))
+    values[4, 25] = N
+    return values
+
+
 def test_unfitted_segments_have_no_plane():
-    labels = np.zeros((2, 3), np.int32)
-    segments = unfitted(labels, 2)
-    assert segments.labels is labels
+    segments = unfitted(LABELS, 2)
+    assert segments.labels is LABELS
     assert segments.planes.shape == (2, 3) and np.isnan(segments.planes).all()
     assert segments.is_fitted.tolist() == [False, False]
     assert segments.inlier_ratio.tolist() == [0.0, 0.0]
+    assert segments.plane_index.tolist() == [-1, -1]
+
+
+def test_off_leaves_the_map_as_it_came():
+    values = holed_map()
+    projected = project_off(stage_of(values), PARAMS)
+    assert projected.choice.given is projected.choice.values is values
+    assert projected.choice.is_literal and not projected.choice.is_moved.any()
+    assert not projected.segments.is_fitted.any()
+    assert np.isfinite(projected.odds).all()
 
 
 def test_full_projection_replaces_fitted_segments_and_leaves_the_others():
-    image, labels, planes = blocks()
-    values = render(labels, planes)
-    values[::3, ::4] = np.nan
-    rng = np.random.default_rng(0)
-    values[:, 20:] = rng.uniform(0, 200, (SHAPE[0], 10))
-    values[4, 25] = np.nan
+    values = holed_map()
     before = values.copy()
-    segments, projected = project_full(
-        match_of(values), None, describe(image, labels), PlaneParams())
+    projected = project_full(stage_of(values, count=300), PARAMS)
+    segments, found = projected.segments, projected.choice.values
     assert segments.is_fitted.tolist() == [True, True, False]
     assert np.isnan(segments.planes[2]).all() and segments.inlier_ratio[2] < 0.5
     for label in range(2):
         np.testing.assert_allclose(
-            segments.planes[label], plane_reference.ridge_plane(points_of(labels, values, label)),
+            segments.planes[label], plane_reference.ridge_plane(points_of(values, label)),
             rtol=1e-6, atol=1e-6)
-    fitted = labels < 2
-    np.testing.assert_array_equal(
-        projected[fitted], render(labels, segments.planes)[fitted])
-    np.testing.assert_array_equal(projected[~fitted], before[~fitted])
+    fitted = LABELS < 2
+    np.testing.assert_array_equal(projected.choice.is_moved, fitted)
+    np.testing.assert_array_equal(found[fitted], render(segments.planes)[fitted])
+    np.testing.assert_array_equal(found[~fitted], before[~fitted])
+    assert projected.choice.is_literal
     np.testing.assert_array_equal(values, before)
 
 
-def test_full_projection_fits_the_subpixel_data_where_there_are_some():
-    image, labels, planes = blocks()
-    subpixel = render(labels, planes)
-    match = match_of(np.rint(subpixel) + 2, subpixel)
-    _, projected = project_full(match, None, describe(image, labels), PlaneParams())
-    assert np.abs(projected - subpixel).max() < 0.2
+def test_planes_are_fitted_to_what_the_matcher_measured_below_its_map():
+    measured = render()
+    for project in (project_full, project_guarded):
+        stage = stage_of(np.rint(measured) + 2, measured, count=300)
+        segments = project(stage, PARAMS).segments
+        assert np.abs(render(segments.planes) - measured).max() < 0.2
 
 
 @pytest.mark.parametrize('first, count', [(0, 5), (4, 3), (7, 30)])
-def test_planes_are_limited_to_the_range(first, count):
-    image, labels, planes = blocks()
-    _, projected = project_full(
-        match_of(render(labels, planes), first=first, count=count), None, describe(image, labels),
-        PlaneParams())
-    assert projected.min() >= first and projected.max() <= first + count - 1
+@pytest.mark.parametrize('name', ['full', 'guarded'])
+def test_planes_are_limited_to_the_range(name, first, count):
+    given = np.where(LABELS == 1, np.float32(first), N).astype(np.float32)
+    found = PROJECTIONS[name](stage_of(given, render(), first, count), PARAMS, 1).choice.values
+    assert np.nanmin(found) >= first and np.nanmax(found) <= first + count - 1
 
 
-def test_no_data_no_plane_even_where_any_ratio_will_do():
-    image, labels, _ = blocks()
-    holes = np.full(SHAPE, np.nan, np.float32)
-    segments, projected = project_full(
-        match_of(holes), None, describe(image, labels), PlaneParams(min_inlier_ratio=0.0))
-    assert not segments.is_fitted.any()
-    assert np.isnan(projected).all()
+@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('has_right', [True, False])
+def test_a_map_of_holes_stays_one_and_nothing_is_sure(name, has_right):
+    holes = np.full(SHAPE, N, np.float32)
+    projected = PROJECTIONS[name](
+        stage_of(holes, has_right=has_right), PlaneParams(min_inlier_ratio=0.0), 1)
+    assert np.isnan(projected.choice.values).all()
+    assert not projected.segments.is_fitted.any() and np.isnan(projected.segments.planes).all()
+    assert np.all(projected.odds == -np.inf)
 
 
-def test_guarded_without_evidence_keeps_what_is_valid_and_fills_the_rest():
-    image, labels, planes = blocks()
-    truth = render(labels, planes)
+def test_guarded_fills_every_hole_and_keeps_what_the_matches_confirm():
+    truth = render()
     values = truth.copy()
-    values[5:12, 3:8] = np.nan
-    values[2, 12] = 11.0
-    segments, projected = project_guarded(
-        match_of(values), None, describe(image, labels), PlaneParams())
-    valid = np.isfinite(values)
-    np.testing.assert_array_equal(projected[valid], values[valid])
-    assert segments.is_fitted.all()
-    assert np.abs(projected - truth)[~valid].max() < 0.1
-
-
-def test_a_segment_without_data_adopts_the_plane_of_the_neighbour_it_resembles():
-    image, labels, planes = blocks()
-    values = render(labels, planes)
-    values[labels == 1] = np.nan
-    segments, projected = project_guarded(
-        match_of(values), None, describe(image, labels), PlaneParams())
-    assert segments.is_fitted.tolist() == [True, False, True]
-    np.testing.assert_array_equal(segments.planes[1], segments.planes[0])
-    inside = labels == 1
-    expected = render(labels, segments.planes)
-    np.testing.assert_allclose(projected[inside], expected[inside], rtol=1e-6)
-
-
-def shifted_scene(shift=4):
-    """Return the evidence, the left view and three segments of a texture at one disparity."""
-    rng = np.random.default_rng(7)
-    texture = rng.integers(60, 120, (SHAPE[0], SHAPE[1] + shift, 3), dtype=np.uint8)
-    pair = StereoPair(np.ascontiguousarray(texture[:, :SHAPE[1]]),
-                      np.ascontiguousarray(texture[:, shift:]))
-    evidence = gather_evidence(pair, MatchingParams('scanline', 0, RANGE))[0]
-    return evidence, pair.left, blocks()[1]
-
-
-def test_evidence_moves_valid_pixels_that_the_images_refute():
-    evidence, image, labels = shifted_scene()
-    values = np.full(SHAPE, 4.0, np.float32)
-    values[6:10, 16:20] = 9.0
-    values[:, 22:25] = np.nan
+    values[5:12, 3:8] = N
+    values[:, 19] = N
     before = values.copy()
-    segments, projected = project_guarded(
-        match_of(values), evidence, describe(image, labels), PlaneParams())
-    np.testing.assert_allclose(projected, 4.0, atol=0.05)
-    np.testing.assert_allclose(segments.planes, np.tile([0.0, 0.0, 4.0], (3, 1)), atol=0.01)
+    projected = project_guarded(stage_of(values), PARAMS)
+    choice, valid = projected.choice, np.isfinite(values)
+    assert not choice.is_literal and choice.given is values
+    np.testing.assert_array_equal(choice.values[valid], values[valid])
+    assert not choice.is_moved[valid].any()
+    assert np.abs(choice.values - truth).max() < 0.5
+    assert projected.segments.is_fitted.all()
     np.testing.assert_array_equal(values, before)
 
 
-def test_evidence_keeps_valid_pixels_that_the_images_confirm():
-    evidence, image, labels = shifted_scene()
-    values = np.full(SHAPE, 9.0, np.float32)
-    values[:, 10:14] = 4.0
-    segments, projected = project_guarded(
-        match_of(values, evidence=evidence), evidence, describe(image, labels), PlaneParams())
-    np.testing.assert_array_equal(segments.planes[1], [0.0, 0.0, 9.0])
-    assert np.all(projected[:, 10:14] == 4.0)
+def test_guarded_moves_what_planes_matches_and_neighbours_refute():
+    truth = np.full(SHAPE, 4, np.float32)
+    given = truth.copy()
+    given[4:12, 13:18] = 9.0
+    # A map that is nowhere smooth is not taken for a network's.
+    given += np.float32(0.35) * (np.indices(SHAPE).sum(0) % 2)
+    projected = project_guarded(stage_of(given, truth, matched=truth), PARAMS)
+    wrong = np.abs(given - truth) > 1
+    np.testing.assert_allclose(projected.choice.values[wrong], 4, atol=0.5)
+    assert projected.choice.is_moved[wrong].all()
+    np.testing.assert_array_equal(projected.choice.values[~wrong], given[~wrong])
 
 
-@pytest.mark.parametrize('spread', [False, True])
-@pytest.mark.parametrize('has_evidence', [False, True])
-def test_a_map_of_holes_stays_one(spread, has_evidence):
-    evidence, image, labels = shifted_scene()
-    evidence = evidence if has_evidence else None
-    holes = np.full(SHAPE, np.nan, np.float32)
-    segments, projected = project_guarded(
-        match_of(holes, evidence=evidence), evidence, describe(image, labels),
-        PlaneParams(spread=spread))
-    assert np.isnan(projected).all()
-    assert not segments.is_fitted.any() and np.isnan(segments.planes).all()
+def test_a_pixel_is_surer_the_more_speaks_for_it():
+    values = render()
+    values[:, 21:] = N
+    sure = project_guarded(stage_of(values), PARAMS).odds
+    assert sure.dtype == np.float32 and sure.shape == SHAPE
+    assert sure[:, :18].min() > sure[:, 26:].max()
 
 
-def test_matched_pixels_outvote_a_wrong_one_and_keep_their_subpixel_disparity():
-    evidence, image, labels = shifted_scene()
-    values = np.full(SHAPE, 4.2, np.float32)
-    values[:, ::2] = 4.3
-    values[9, 14], values[:, 20:23] = 8.0, np.nan
-    _, projected = project_guarded(
-        match_of(values, evidence=evidence), evidence, describe(image, labels),
-        PlaneParams(spread=True))
-    inner = (slice(3, -3), slice(None, 18))
-    expected = values.copy()
-    expected[9, 14] = projected[9, 14]
-    np.testing.assert_array_equal(projected[inner], expected[inner])
-    # No whole disparity is left, not even where nothing had matched.
-    np.testing.assert_allclose(projected, 4.25, atol=0.15)
+def test_a_segment_without_data_adopts_the_plane_of_the_neighbour_it_resembles():
+    values = render()
+    values[LABELS == 1] = N
+    segments, planes = share_planes(stage_of(values), PARAMS, 1)
+    assert segments.is_fitted.tolist() == [True, False, True]
+    np.testing.assert_array_equal(segments.planes[1], segments.planes[0])
+    assert segments.plane_index[1] == segments.plane_index[0]
+    inside = LABELS == 1
+    np.testing.assert_allclose(planes.values[inside], render(segments.planes)[inside], rtol=1e-6)
+    assert np.all(planes.quality[inside] == np.float32(ADOPTED_QUALITY))
+    np.testing.assert_array_equal(planes.quality[~inside], segments.inlier_ratio[LABELS][~inside])
+    assert np.all(planes.behind <= planes.before)
 
 
-def test_what_a_matcher_said_stays_where_the_plane_says_nearly_the_same():
-    evidence, image, labels = shifted_scene()
-    values = np.full(SHAPE, 4.0, np.float32)
-    values[::2] = 4.25
-    _, projected = project_guarded(
-        match_of(values), evidence, describe(image, labels), PlaneParams())
-    np.testing.assert_array_equal(projected, values)
+def test_where_no_segment_has_data_no_plane_is_believed():
+    segments, planes = share_planes(stage_of(np.full(SHAPE, N, np.float32)), PARAMS, 1)
+    assert np.all(planes.quality == 0) and np.isnan(planes.values).all()
+    assert segments.plane_index.tolist() == [-1, -1, -1]
 
 
-@pytest.mark.parametrize('rows, side, stays', [(1, 7, False), (1, 8, True), (4, 4, True)])
-def test_a_speckle_of_the_scanline_matcher_stays_only_where_it_is_large(rows, side, stays):
-    evidence, image, labels = shifted_scene()
-    values = np.full(SHAPE, 4.0, np.float32)
-    values[4:4 + side, 11:11 + side] = 9.0
-    blind = dataclasses.replace(evidence, total=np.zeros_like(evidence.total),
-                                least=np.zeros_like(evidence.least))
-    blind.right[:] = -1
-    _, projected = project_guarded(
-        match_of(values, evidence=blind), blind, describe(image, labels), PlaneParams(), rows=rows)
-    assert (projected[7, 12] == 9.0) == stays
-
-
-@pytest.mark.parametrize('is_own, rows, stays', [
-    (True, 1, False), (True, 2, False), (False, 1, False), (False, 2, True)])
-def test_on_averaged_rows_a_foreign_map_is_held_on_to(is_own, rows, stays):
-    evidence, image, labels = shifted_scene()
-    values = np.full(SHAPE, 4.0, np.float32)
-    values[2:16, 20:26] = 9.0
-    # The images find 9 px worse than the plane by 0.15, and know of no other difference.
-    total = np.zeros_like(evidence.total)
-    total[..., 9] = int(0.15 * TOTAL_UNIT)
-    right = np.full_like(evidence.right, 4)
-    right[2:16, 11:17] = 9
-    even = dataclasses.replace(
-        evidence, total=total, least=np.zeros_like(evidence.least), right=right)
-    _, projected = project_guarded(
-        match_of(values, evidence=even if is_own else None), even, describe(image, labels),
-        PlaneParams(), rows=rows)
-    assert np.all(projected[2:16, 21:25] == 9.0) == stays
+def test_whatever_is_chosen_was_a_candidate():
+    rng = np.random.default_rng(3)
+    given = holed_map()
+    matched = rng.uniform(0, RANGE, SHAPE).astype(np.float32)
+    stage = stage_of(given, render(), matched=matched)
+    found = project_guarded(stage, PARAMS).choice
+    _, planes = share_planes(stage, PARAMS, 1)
+    options = np.stack([fill_from_background(given), planes.values, planes.behind, planes.before,
+                        matched])
+    assert np.all((found.values == options).any(axis=0))
+    still = ~found.is_moved
+    np.testing.assert_array_equal(found.values[still], options[0][still])
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize('threads', [2, 3])
-def test_threads_do_not_change_a_bit(threads):
-    evidence, image, labels = shifted_scene()
-    values = np.random.default_rng(2).uniform(2, 6, SHAPE).astype(np.float32)
-    args = (match_of(values, evidence=evidence), evidence, describe(image, labels),
-            PlaneParams(spread=True))
-    segments, projected = project_guarded(*args)
-    segments_again, again = project_guarded(*args, threads)
-    np.testing.assert_array_equal(again, projected)
-    np.testing.assert_array_equal(segments_again.planes, segments.planes)
+@pytest.mark.parametrize('name', NAMES)
+def test_threads_do_not_change_a_bit(name):
+    rng = np.random.default_rng(2)
+    stage = stage_of(rng.uniform(2, 6, SHAPE).astype(np.float32), matched=render())
+    first = PROJECTIONS[name](stage, PARAMS, 1)
+    for threads in (2, 3):
+        again = PROJECTIONS[name](stage, PARAMS, threads)
+        np.testing.assert_array_equal(again.choice.values, first.choice.values)
+        np.testing.assert_array_equal(again.odds, first.odds)
+        np.testing.assert_array_equal(again.segments.planes, first.segments.planes)
 
 
 def test_every_projection_that_can_be_asked_for_is_there():
     assert sorted(PROJECTIONS) == sorted(NAMES)
-    image, labels, planes = blocks()
-    match = match_of(render(labels, planes))
-    segments, values = apply_planes(
-        match, None, describe(image, labels), PlaneParams(projection='off'))
-    assert values is match.disparity.values and not segments.is_fitted.any()
-    with pytest.raises(ValueError, match="'magic' is none of off, full, guarded"):
-        apply_planes(match, None, describe(image, labels), PlaneParams(projection='magic'))

@@ -1,0 +1,205 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The examiner of pairs: rows put right, health told, whatever came before and beside it."""
+
+from concurrent.futures import ThreadPoolExecutor
+import dataclasses
+import math
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+from real_pairs import lowered
+
+from stereo_refine_ros.health import pair as examiner_module
+from stereo_refine_ros.health.pair import PairExaminer
+from stereo_refine_ros.health.tuning import LOOK_EVERY_S
+from stereo_refine_ros.params import load_preset
+from stereo_refine_ros.rectification import RowOffset
+from stereo_refine_ros.types import PairHealth, StereoPair
+
+SHAPE = (192, 320)
+SHIFT = 9
+
+
+def examiner(**values):
+    dotted = {name.replace('__', '.'): value for name, value in values.items()}
+    return PairExaminer(load_preset('accurate', {'matching.num_disparities': 32, **dotted}))
+
+
+def textured(seed=0):
+    rng = np.random.default_rng(seed)
+    wide = cv2.GaussianBlur(
+        rng.integers(0, 256, (SHAPE[0], SHAPE[1] + SHIFT, 3)).astype(np.float32), (0, 0), 2)
+    wide = np.clip(128 + 4 * (wide - wide.mean()), 0, 255).astype(np.uint8)
+    return np.ascontiguousarray(wide[:, :SHAPE[1]]), np.ascontiguousarray(wide[:, SHIFT:])
+
+
+@pytest.fixture(scope='module')
+def pair():
+    return StereoPair(*textured())
+
+
+@pytest.fixture(scope='module')
+def low_pair(pair):
+    return StereoPair(pair.left, lowered(pair.right, 1.5))
+
+
+def error(view, expected):
+    inside = slice(8, -8)
+    return np.abs(view[inside, inside].astype(float) - expected[inside, inside]).mean()
+
+
+def same_bits(a, b):
+    """Compare what `dataclasses.astuple` gives, NaN being equal to itself."""
+    np.testing.assert_array_equal(dataclasses.astuple(a), dataclasses.astuple(b))
+
+
+def test_the_row_offset_is_undone(pair, low_pair):
+    found, offset = examiner().rectify(low_pair, 1)
+    assert offset.largest_px == pytest.approx(1.5, abs=0.1)
+    assert found.left is low_pair.left
+    assert error(low_pair.right, pair.right) > 3 * error(found.right, pair.right)
+    for threads in (2, 3):
+        again, _ = examiner().rectify(low_pair, threads)
+        np.testing.assert_array_equal(again.right, found.right)
+
+
+def test_grey_views_are_put_right_as_well(low_pair):
+    grey = StereoPair(*(cv2.cvtColor(view, cv2.COLOR_BGR2GRAY)
+                        for view in (low_pair.left, low_pair.right)))
+    found, offset = examiner().rectify(grey, 1)
+    assert offset.largest_px == pytest.approx(1.5, abs=0.1)
+    assert found.right.shape == SHAPE and found.right.dtype == np.uint8
+
+
+def test_where_nothing_is_to_be_corrected_the_bits_stay_and_the_offset_is_told(low_pair):
+    found, offset = examiner(rectification__correct=False).rectify(low_pair, 1)
+    assert found is low_pair
+    assert offset.largest_px == pytest.approx(1.5, abs=0.1)
+
+
+def test_views_that_agree_keep_their_bits(pair):
+    found, offset = examiner().rectify(pair, 1)
+    assert offset.largest_px == 0
+    np.testing.assert_array_equal(found.right, pair.right)
+
+
+def test_without_the_past_the_same_bits_whatever_came_before(pair, low_pair):
+    expected, offset = examiner().rectify(low_pair, 1)
+    seen = examiner()
+    for other in (pair, StereoPair(low_pair.right, low_pair.left), pair):
+        seen.rectify(other, 1)
+    found, again = seen.rectify(low_pair, 1)
+    np.testing.assert_array_equal(found.right, expected.right)
+    same_bits(again, offset)
+
+
+def test_with_the_past_a_pair_that_shows_nothing_takes_the_offset_of_the_others(low_pair):
+    plain = np.full((*SHAPE, 3), 90, np.uint8)
+    blank = StereoPair(plain, plain)
+    settled = examiner(temporal__enabled=True)
+    for _ in range(5):
+        settled.rectify(low_pair, 1)
+    assert settled.rectify(blank, 1)[1].largest_px == pytest.approx(1.5, abs=0.15)
+    assert examiner().rectify(blank, 1)[1].largest_px == 0
+
+
+@pytest.mark.parametrize('height, width', [(1, 1), (1, 9), (9, 1), (5, 5), (20, 40)])
+def test_pairs_too_small_to_say_anything_are_left_alone(height, width):
+    rng = np.random.default_rng(1)
+    pair = StereoPair(*rng.integers(0, 256, (2, height, width), dtype=np.uint8))
+    tiny = examiner()
+    found, offset = tiny.rectify(pair, 2)
+    np.testing.assert_array_equal(found.right, pair.right)
+    assert offset.largest_px == 0
+    health = tiny.examine(pair, offset, np.full((height, width), np.nan, np.float32), None)
+    assert health.row_offset_px == 0 and math.isnan(health.last_disparity_ratio)
+
+
+def test_the_left_view_alone_has_neither_offset_nor_health(pair):
+    alone = StereoPair(pair.left, None)
+    one = examiner()
+    found, offset = one.rectify(alone, 1)
+    assert found is alone and offset.largest_px == 0
+    same_bits(one.examine(alone, offset, np.ones(SHAPE, np.float32), None), PairHealth())
+
+
+def test_health_of_a_good_pair(pair):
+    matched = np.full(SHAPE, SHIFT, np.float32)
+    health = examiner().examine(pair, RowOffset(), matched, None)
+    assert health.row_offset_px == 0 and health.last_disparity_ratio == 0
+    assert health.matched_ratio > 0.5 > max(health.swapped_ratio, health.upside_down_ratio)
+    assert health.gain_ratio == pytest.approx(1, abs=0.02)
+    assert not health.is_same_image and not health.fits_right_better
+    assert math.isnan(health.given_agreement)
+    exchanged = examiner().examine(
+        StereoPair(pair.right, pair.left), RowOffset(), matched, None)
+    assert exchanged.swapped_ratio > 0.5 > exchanged.matched_ratio
+
+
+def test_matches_at_the_end_of_the_range_are_counted(pair):
+    fine = np.full(SHAPE, np.nan, np.float32)
+    fine[:10], fine[10:20], fine[20:40] = 31, 30, 29.5
+    assert examiner().examine(pair, RowOffset(), fine, None).last_disparity_ratio == 0.5
+    shifted = examiner(matching__min_disparity=-4)
+    assert shifted.examine(pair, RowOffset(), fine - 4, None).last_disparity_ratio == 0.5
+
+
+def test_a_map_from_outside_is_compared_with_the_own_match(pair):
+    fine = np.full(SHAPE, SHIFT, np.float32)
+    given = fine + np.float32(0.5)
+    given[:48] += 20
+    health = examiner().examine(pair, RowOffset(), fine, given)
+    assert health.given_agreement == pytest.approx(0.75, abs=0.02)
+    assert not health.fits_right_better
+
+
+def test_a_long_look_is_taken_once_in_a_while(pair, monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(examiner_module, 'time', SimpleNamespace(monotonic=lambda: now[0]))
+    looks = []
+    monkeypatch.setattr(examiner_module, 'suspect', lambda *args: looks.append(1) or (
+        examiner_module.CoarseLook(len(looks), 0.0, 0.0)))
+    watching = examiner()
+    ratios = []
+    for now[0] in (100.0, 100.0 + 0.9 * LOOK_EVERY_S, 100.0 + 1.1 * LOOK_EVERY_S):
+        ratios.append(watching.examine(pair, RowOffset(), pair.left[..., 0] * np.float32(0), None)
+                      .matched_ratio)
+    assert ratios == [1, 1, 2]
+
+
+@pytest.mark.parametrize('is_temporal', [False, True])
+def test_pairs_from_several_threads_do_not_meet(low_pair, is_temporal):
+    shared = examiner(temporal__enabled=is_temporal)
+    alone = examiner()
+    expected, offset = alone.rectify(low_pair, 1)
+    health = alone.examine(low_pair, offset, np.ones(SHAPE, np.float32), None)
+
+    def one_frame(_):
+        found, seen = shared.rectify(low_pair, 1)
+        return found, shared.examine(low_pair, seen, np.ones(SHAPE, np.float32), None)
+    with ThreadPoolExecutor(4) as pool:
+        frames = list(pool.map(one_frame, range(12)))
+    for found, told in frames:
+        assert told.row_offset_px == pytest.approx(1.5, abs=0.15)
+        assert told.gain_ratio == health.gain_ratio
+        if not is_temporal:
+            np.testing.assert_array_equal(found.right, expected.right)
+            assert told.row_offset_px == health.row_offset_px
+    # The look is another thread's, or not yet there.
+    assert {told.matched_ratio for _, told in frames if not math.isnan(told.matched_ratio)} == {
+        health.matched_ratio}
