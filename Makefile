@@ -47,7 +47,7 @@ help:
 	@echo 'make soak        camera and node over DDS with faults, SOAK_SECONDS=1800; every pair accounted for'
 	@echo 'make fuzz        malformed messages through the conversions and a node'
 	@echo 'make bench-two-hosts  camera and node in two network namespaces, clean and lossy (root)'
-	@echo 'make tables      parameter table of README.md and config/live.yaml'
+	@echo 'make tables      docs/parameters.md and config/live.yaml, from stereo_refine_ros/params.py'
 	@echo 'make lock        requirements/*.txt from *.in (needs uv)'
 	@echo 'make clean       remove what make made'
 

@@ -15,7 +15,7 @@
 """
 Speed beside error, beside OpenCV's own methods, all in one run.
 
-Prints Markdown tables and draws the plot of README.md. Times are medians of rounds in which
+Prints Markdown tables and draws the plot for docs/. Times are medians of rounds in which
 every method has its turn; ratios are to OpenCV's SGBM 3-way of the same run. Errors are the
 share of pixels with known truth that are off by more than 1 px (KITTI 3 px), holes filled from
 the background.

@@ -46,7 +46,7 @@ def flag(default: bool, description: str) -> Any:
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """The definition of one parameter, as the ROS descriptors and the README need it."""
+    """The definition of one parameter, as the ROS descriptors and docs/ need it."""
 
     name: str
     type: type

@@ -16,7 +16,7 @@
 Every parameter once: type, default, unit, range and what it does.
 
 The ROS descriptors, the check of the YAML presets, the command-line options of `evaluate` and
-the table in the README all come from the dataclasses below. The defaults are the `live` preset.
+docs/parameters.md all come from the dataclasses below. The defaults are the `live` preset.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""README.md and config/live.yaml say what the parameter definitions say."""
+"""docs/parameters.md and config/live.yaml say what the parameter definitions say."""
 
 import importlib.util
 from pathlib import Path
@@ -32,10 +32,19 @@ def _script():
     return module
 
 
-def test_readme_table_is_current():
-    text = (ROOT / 'README.md').read_text(encoding='utf-8')
+def test_table_of_parameters_is_current():
+    text = (ROOT / 'docs' / 'parameters.md').read_text(encoding='utf-8')
     assert _script().BEGIN in text
-    assert text == _script().readme_with_table(text), 'run `make tables`'
+    assert text == _script().page_with_table(text), 'run `make tables`'
+
+
+def test_table_has_every_parameter_with_its_default_once():
+    rows = [line.split(' | ') for line in _script().markdown_table().splitlines()[2:]]
+    assert [row[0] for row in rows] == [f'| `{spec.name}`' for spec in SPECS]
+    defaults = dict(zip((spec.name for spec in SPECS), (row[1] for row in rows), strict=True))
+    assert defaults['output.min_confidence'] == '0.5'
+    assert defaults['temporal.enabled'] == 'true'
+    assert defaults['matching.method'] == 'scanline'
 
 
 def test_live_yaml_is_current():

@@ -29,10 +29,11 @@ import setuptools
 ROOT = Path(__file__).resolve().parents[1]
 MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
 LOCKS = sorted((ROOT / 'requirements').glob('*.txt'))
-# Import name: rosdep key. rich and rosbags are imported only by the demo and the bag commands.
+# Import name: rosdep key. rich and rosbags are imported only by the demo and the bag commands;
+# llvmlite is what numba compiles with, comes with it, and has no key of its own.
 ROSDEP = {
     'cv2': 'python3-opencv', 'numpy': 'python3-numpy', 'numba': 'python3-numba',
-    'yaml': 'python3-yaml'}
+    'llvmlite': 'python3-numba', 'yaml': 'python3-yaml'}
 TEST_ROSDEP = {
     'hypothesis': 'python3-hypothesis', 'matplotlib': 'python3-matplotlib',
     'psutil': 'python3-psutil', 'pytest': 'python3-pytest', 'rich': 'python3-rich',

@@ -26,7 +26,7 @@ from stereo_refine_ros.messages.metrics import decimal
 from stereo_refine_ros.node.counters import Counts
 
 ADVICE = {
-    'encoding': 'publish one of the encodings in the README, or convert with image_proc',
+    'encoding': 'publish one of the encodings in docs/cameras.md, or convert with image_proc',
     'zero_size': 'check the camera driver: the image is empty',
     'too_large': 'check width and height; crop or decimate the image',
     'step': 'check the driver: step must be at least width times bytes per pixel',
