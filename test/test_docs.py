@@ -101,6 +101,24 @@ def test_commands_name_what_there_is(path):
 
 
 @pytest.mark.parametrize('path', PAGES, ids=lambda path: path.name)
+def test_options_of_commands_exist(path):
+    blocks = re.findall(r'```bash\n(.*?)```', _read(path), re.DOTALL)
+    commands = '\n'.join(blocks).replace('\\\n', ' ')
+    sources = {'stereo_refine_ros.evaluate': 'stereo_refine_ros/evaluate.py',
+               'stereo_refine_ros replay': 'stereo_refine_ros/replay/options.py'}
+    for line in commands.splitlines():
+        program = re.search(
+            r'(stereo_refine_ros\.evaluate|stereo_refine_ros replay|[a-z_]+/[a-z_]+\.py)', line)
+        if program is None or not (ROOT / sources.get(program[1], program[1])).is_file():
+            continue
+        source = _read(ROOT / sources.get(program[1], program[1]))
+        arguments = line[program.end():].partition('#')[0].partition('--ros-args')[0]
+        unknown = [option for option in re.findall(r'(?<=\s)--[a-z-]+', arguments)
+                   if f"'{option}'" not in source]
+        assert unknown == [], line
+
+
+@pytest.mark.parametrize('path', PAGES, ids=lambda path: path.name)
 def test_parameters_named_exist(path):
     dotted = re.findall(r'(?<![\w./*-])([a-z]+\.[a-z_]+)\b(?![/(.])', _read(path))
     named = {name for name in dotted if name.partition('.')[0] in SECTIONS}
