@@ -22,7 +22,7 @@ import numpy as np
 
 from stereo_refine_ros.refinement.likelihood import FEATURES
 from stereo_refine_ros.refinement.tuning import (
-    AROUND_WINDOW, BEND_WINDOW, COLOR_SCALE, LOCAL_WINDOW, REACH, REACH_GROWTH, RING, STEP)
+    AROUND_WINDOW, COLOR_SCALE, LOCAL_WINDOW, REACH, REACH_GROWTH, RING, STEP)
 
 
 def features(maps, given, planes, evidence):
@@ -33,7 +33,6 @@ def features(maps, given, planes, evidence):
     apart = np.minimum(np.abs(evidence.fine - evidence.coarse), 2)
     disagreement = window_mean(np.where(np.isnan(apart), 1, apart), AROUND_WINDOW)
     for k, values in enumerate(maps):
-        bends = window_mean(np.nan_to_num(bend_of(values)), BEND_WINDOW)
         for y, x in np.ndindex(values.shape):
             found = {
                 **votes(y, x, values[y, x], evidence),
@@ -41,8 +40,7 @@ def features(maps, given, planes, evidence):
                 **of_given(values[y, x], given[y, x], local[y, x]),
                 **of_matches(y, x, values[y, x], evidence),
                 'bias': 1.0,
-                'bend': bends[y, x] / (bends[y, x] + 0.1),
-                'step': float(np.ptp(around(values, y, x, 2)) > STEP),
+                **of_map(values, y, x),
                 'uniqueness_around': unique_around[y, x],
                 'disagreement_around': disagreement[y, x]}
             found['hole_vote'] = found['hole'] * found['vote']
@@ -119,9 +117,15 @@ def bend_of(values):
     return bend
 
 
-def around(values, y, x, reach):
-    """Cut out what lies within reach of a pixel, inside the map."""
-    return values[max(y - reach, 0):y + reach + 1, max(x - reach, 0):x + reach + 1]
+def of_map(values, y, x):
+    """Return how bent the map is at a pixel, and whether it steps near it."""
+    def at(down, right):
+        height, width = values.shape
+        return float(values[min(max(y + down, 0), height - 1), min(max(x + right, 0), width - 1)])
+    here = at(0, 0)
+    bends = [min(abs(at(-v, -u) + at(v, u) - 2 * here), 1) for v, u in ((1, 0), (0, 1))]
+    steps = [abs(at(v, u) - here) for v, u in ((-2, 0), (2, 0), (0, -2), (0, 2))]
+    return {'bend': sum(bends) / 2, 'step': float(max(steps) > STEP)}
 
 
 def window_mean(values, size):
