@@ -28,7 +28,7 @@ OLDEST_PIP := $(OLDEST_VENV)/bin/python $(PIP_INSTALL)
 KERNEL_TESTS := $(wildcard test/graph test/matching test/refinement test/quality)
 # All that needs no ROS.
 CORE_TESTS := $(KERNEL_TESTS) $(wildcard test/evaluation test/datasets test/rectification test/health \
-	test/test_images.py test/test_levels.py $(wildcard test/test_pipeline*.py) test/test_decoding.py \
+	test/test_images.py test/test_levels.py $(wildcard test/test_pipeline*.py) test/test_decoding.py test/test_params.py \
 	test/test_grey_range.py test/test_pairing.py test/test_memory.py test/test_threads.py)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST

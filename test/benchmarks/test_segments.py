@@ -16,8 +16,7 @@
 
 import numpy as np
 import pytest
-
-from benchmarks import segments
+import segments
 from stereo_refine_ros.datasets.scene import Scene
 from stereo_refine_ros.params import SegmentationParams
 from stereo_refine_ros.types import StereoPair
