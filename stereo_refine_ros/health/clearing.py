@@ -44,7 +44,9 @@ def clear_pair(pair: StereoPair, views: PairHealth) -> StereoPair:
     contrast = max(min(views.contrast_left, views.contrast_right), 1e-3)
     if not views.noise_sigma / contrast >= CLEAR_NOISE:
         return pair
-    gain = min(max(CLEAR_CONTRAST / contrast, 1.0), CLEAR_GAIN)
+    brightest = max(np.percentile(view[::4, ::4], 99) for view in (pair.left, pair.right))
+    gain = min(CLEAR_CONTRAST / contrast, CLEAR_GAIN, 250 / max(brightest, 1.0))
+    gain = max(gain, 1.0)
     return StereoPair(_cleared(pair.left, gain), _cleared(pair.right, gain))
 
 

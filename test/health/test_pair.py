@@ -25,8 +25,9 @@ import pytest
 from real_pairs import lowered
 
 from stereo_refine_ros.health import pair as examiner_module
-from stereo_refine_ros.health.pair import PairExaminer
+from stereo_refine_ros.health.pair import PairExaminer, Prepared
 from stereo_refine_ros.health.tuning import LOOK_EVERY_S
+from stereo_refine_ros.health.views import measure_views
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.rectification import RowOffset
 from stereo_refine_ros.types import PairHealth, StereoPair
@@ -68,42 +69,54 @@ def same_bits(a, b):
     np.testing.assert_array_equal(dataclasses.astuple(a), dataclasses.astuple(b))
 
 
+def rectify(examiner, pair, threads):
+    prepared = examiner.prepare(pair, threads)
+    return prepared.pair, prepared.offset
+
+
+def examine(examiner, pair, offset, fine, given):
+    views = PairHealth() if pair.right is None else measure_views(
+        *(cv2.cvtColor(view, cv2.COLOR_BGR2GRAY) if view.ndim == 3 else view
+          for view in (pair.left, pair.right)))
+    return examiner.examine(Prepared(pair, offset, views), fine, given)
+
+
 def test_the_row_offset_is_undone(pair, low_pair):
-    found, offset = examiner().rectify(low_pair, 1)
+    found, offset = rectify(examiner(), low_pair, 1)
     assert offset.largest_px == pytest.approx(1.5, abs=0.1)
     assert found.left is low_pair.left
     assert error(low_pair.right, pair.right) > 3 * error(found.right, pair.right)
     for threads in (2, 3):
-        again, _ = examiner().rectify(low_pair, threads)
+        again, _ = rectify(examiner(), low_pair, threads)
         np.testing.assert_array_equal(again.right, found.right)
 
 
 def test_grey_views_are_put_right_as_well(low_pair):
     grey = StereoPair(*(cv2.cvtColor(view, cv2.COLOR_BGR2GRAY)
                         for view in (low_pair.left, low_pair.right)))
-    found, offset = examiner().rectify(grey, 1)
+    found, offset = rectify(examiner(), grey, 1)
     assert offset.largest_px == pytest.approx(1.5, abs=0.1)
     assert found.right.shape == SHAPE and found.right.dtype == np.uint8
 
 
 def test_where_nothing_is_to_be_corrected_the_bits_stay_and_the_offset_is_told(low_pair):
-    found, offset = examiner(rectification__correct=False).rectify(low_pair, 1)
+    found, offset = rectify(examiner(rectification__correct=False), low_pair, 1)
     assert found is low_pair
     assert offset.largest_px == pytest.approx(1.5, abs=0.1)
 
 
 def test_views_that_agree_keep_their_bits(pair):
-    found, offset = examiner().rectify(pair, 1)
+    found, offset = rectify(examiner(), pair, 1)
     assert offset.largest_px == 0
     np.testing.assert_array_equal(found.right, pair.right)
 
 
 def test_without_the_past_the_same_bits_whatever_came_before(pair, low_pair):
-    expected, offset = examiner().rectify(low_pair, 1)
+    expected, offset = rectify(examiner(), low_pair, 1)
     seen = examiner()
     for other in (pair, StereoPair(low_pair.right, low_pair.left), pair):
-        seen.rectify(other, 1)
-    found, again = seen.rectify(low_pair, 1)
+        rectify(seen, other, 1)
+    found, again = rectify(seen, low_pair, 1)
     np.testing.assert_array_equal(found.right, expected.right)
     same_bits(again, offset)
 
@@ -113,57 +126,57 @@ def test_with_the_past_a_pair_that_shows_nothing_takes_the_offset_of_the_others(
     blank = StereoPair(plain, plain)
     settled = examiner(temporal__enabled=True)
     for _ in range(5):
-        settled.rectify(low_pair, 1)
-    assert settled.rectify(blank, 1)[1].largest_px == pytest.approx(1.5, abs=0.15)
-    assert examiner().rectify(blank, 1)[1].largest_px == 0
+        rectify(settled, low_pair, 1)
+    assert rectify(settled, blank, 1)[1].largest_px == pytest.approx(1.5, abs=0.15)
+    assert rectify(examiner(), blank, 1)[1].largest_px == 0
 
 
 @pytest.mark.parametrize('height, width', [(1, 1), (1, 9), (9, 1), (5, 5), (20, 40)])
 def test_pairs_too_small_to_say_anything_are_left_alone(height, width):
-    rng = np.random.default_rng(1)
-    pair = StereoPair(*rng.integers(0, 256, (2, height, width), dtype=np.uint8))
+    across = np.linspace(40, 200, width).astype(np.uint8)
+    pair = StereoPair(*np.stack([np.tile(across, (height, 1))] * 2))
     tiny = examiner()
-    found, offset = tiny.rectify(pair, 2)
+    found, offset = rectify(tiny, pair, 2)
     np.testing.assert_array_equal(found.right, pair.right)
     assert offset.largest_px == 0
-    health = tiny.examine(pair, offset, np.full((height, width), np.nan, np.float32), None)
+    health = examine(tiny, pair, offset, np.full((height, width), np.nan, np.float32), None)
     assert health.row_offset_px == 0 and math.isnan(health.last_disparity_ratio)
 
 
 def test_the_left_view_alone_has_neither_offset_nor_health(pair):
     alone = StereoPair(pair.left, None)
     one = examiner()
-    found, offset = one.rectify(alone, 1)
+    found, offset = rectify(one, alone, 1)
     assert found is alone and offset.largest_px == 0
-    same_bits(one.examine(alone, offset, np.ones(SHAPE, np.float32), None), PairHealth())
+    same_bits(examine(one, alone, offset, np.ones(SHAPE, np.float32), None), PairHealth())
 
 
 def test_health_of_a_good_pair(pair):
     matched = np.full(SHAPE, SHIFT, np.float32)
-    health = examiner().examine(pair, RowOffset(), matched, None)
+    health = examine(examiner(), pair, RowOffset(), matched, None)
     assert health.row_offset_px == 0 and health.last_disparity_ratio == 0
     assert health.matched_ratio > 0.5 > max(health.swapped_ratio, health.upside_down_ratio)
     assert health.gain_ratio == pytest.approx(1, abs=0.02)
     assert not health.is_same_image and not health.fits_right_better
     assert math.isnan(health.given_agreement)
-    exchanged = examiner().examine(
-        StereoPair(pair.right, pair.left), RowOffset(), matched, None)
+    exchanged = examine(
+        examiner(), StereoPair(pair.right, pair.left), RowOffset(), matched, None)
     assert exchanged.swapped_ratio > 0.5 > exchanged.matched_ratio
 
 
 def test_matches_at_the_end_of_the_range_are_counted(pair):
     fine = np.full(SHAPE, np.nan, np.float32)
     fine[:10], fine[10:20], fine[20:40] = 31, 30, 29.5
-    assert examiner().examine(pair, RowOffset(), fine, None).last_disparity_ratio == 0.5
+    assert examine(examiner(), pair, RowOffset(), fine, None).last_disparity_ratio == 0.5
     shifted = examiner(matching__min_disparity=-4)
-    assert shifted.examine(pair, RowOffset(), fine - 4, None).last_disparity_ratio == 0.5
+    assert examine(shifted, pair, RowOffset(), fine - 4, None).last_disparity_ratio == 0.5
 
 
 def test_a_map_from_outside_is_compared_with_the_own_match(pair):
     fine = np.full(SHAPE, SHIFT, np.float32)
     given = fine + np.float32(0.5)
     given[:48] += 20
-    health = examiner().examine(pair, RowOffset(), fine, given)
+    health = examine(examiner(), pair, RowOffset(), fine, given)
     assert health.given_agreement == pytest.approx(0.75, abs=0.02)
     assert not health.fits_right_better
 
@@ -177,7 +190,7 @@ def test_a_long_look_is_taken_once_in_a_while(pair, monkeypatch):
     watching = examiner()
     ratios = []
     for now[0] in (100.0, 100.0 + 0.9 * LOOK_EVERY_S, 100.0 + 1.1 * LOOK_EVERY_S):
-        ratios.append(watching.examine(pair, RowOffset(), pair.left[..., 0] * np.float32(0), None)
+        ratios.append(examine(watching, pair, RowOffset(), pair.left[..., 0] * np.float32(0), None)
                       .matched_ratio)
     assert ratios == [1, 1, 2]
 
@@ -186,12 +199,12 @@ def test_a_long_look_is_taken_once_in_a_while(pair, monkeypatch):
 def test_pairs_from_several_threads_do_not_meet(low_pair, is_temporal):
     shared = examiner(temporal__enabled=is_temporal)
     alone = examiner()
-    expected, offset = alone.rectify(low_pair, 1)
-    health = alone.examine(low_pair, offset, np.ones(SHAPE, np.float32), None)
+    expected, offset = rectify(alone, low_pair, 1)
+    health = examine(alone, low_pair, offset, np.ones(SHAPE, np.float32), None)
 
     def one_frame(_):
-        found, seen = shared.rectify(low_pair, 1)
-        return found, shared.examine(low_pair, seen, np.ones(SHAPE, np.float32), None)
+        found, seen = rectify(shared, low_pair, 1)
+        return found, examine(shared, low_pair, seen, np.ones(SHAPE, np.float32), None)
     with ThreadPoolExecutor(4) as pool:
         frames = list(pool.map(one_frame, range(12)))
     for found, told in frames:
