@@ -45,10 +45,9 @@ from stereo_refine_ros.params import load_preset, Params, PRESETS, SPECS
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.frame import measure_frame
 from stereo_refine_ros.rectification import compile_kernels
-from stereo_refine_ros.types import FloatMap, RefinementResult, StereoPair
+from stereo_refine_ros.types import StereoPair
 
 Progress = Callable[[str], None]
-Refine = Callable[[Params, StereoPair, FloatMap | None], RefinementResult]
 
 _PR_SET_PDEATHSIG = 1  # from prctl.h
 _HEARTBEAT_S = 10.0
@@ -57,18 +56,16 @@ _CHILD = '--for-process'
 _COMPUTING = ('matching', 'segmentation', 'planes', 'filter', 'rectification', 'temporal')
 
 
-def run_kernels(params: Params, refine: Refine, progress: Progress = lambda text: None) -> None:
+def run_kernels(params: Params, progress: Progress = lambda text: None) -> None:
     """
     Refine and measure a small pair of either kind, so that every kernel is there.
 
-    On both grids, and a map from outside without the right view.
+    On both grids, a second frame after the first, and a map from outside without the right view.
 
     Parameters
     ----------
     params : Params
         Of the frames to come.
-    refine : callable of Params, a StereoPair and a preliminary map or None
-        Runs the pipeline.
     progress : callable of str
         Told what comes next.
 
@@ -80,16 +77,17 @@ def run_kernels(params: Params, refine: Refine, progress: Progress = lambda text
     truth = np.full((64, width), 4, np.float32)
     grey = (np.ascontiguousarray(left[..., 0]), np.ascontiguousarray(right[..., 0]))
     pairs = {'colour': StereoPair(left, right), 'grey': StereoPair(*grey)}
-    compile_kernels()  # the small pair is matched at one level only
     given = truth if params.matching.method == 'external' else None
     # Whatever the size of the frames to come, planes are made on the image or on its half.
-    grids = [params.updated({'processing.refine_pixels': pixels}) for pixels in (1.0, 0.0)]
+    refiners = [StereoRefiner(params.updated({'processing.refine_pixels': pixels}))
+                for pixels in (1.0, 0.0)]
     for number, (name, pair) in enumerate(pairs.items(), 1):
         progress(f'kernels for {name} images ({number} of {len(pairs)})')
-        for on_grid in grids:
-            measure_frame(refine(on_grid, pair, given), pair, truth)
-            left_alone = StereoPair(pair.left, None)
-            measure_frame(refine(on_grid, left_alone, truth), left_alone, truth)
+        for refiner in refiners:
+            for right, preliminary in ((pair.right, given), (None, truth)):
+                result = refiner.process(pair.left, right, preliminary)
+                measure_frame(result, StereoPair(pair.left, right), truth)
+    compile_kernels()  # the rows of the small pair were measured at one level only
 
 
 @contextmanager
@@ -166,8 +164,7 @@ def _prefixed(preset: str, progress: Progress) -> Progress:
 
 def _compile(params: Params, mark: Path | None, progress: Progress) -> None:
     with compiled_counted(progress):
-        run_kernels(params, lambda params, pair, preliminary: StereoRefiner(params).process(
-            pair.left, pair.right, preliminary), progress)
+        run_kernels(params, progress)
     if mark is not None:
         mark.touch()
 

@@ -168,7 +168,7 @@ def test_kernels_are_cached_and_keep_nan(path: Path):
 # What stands further left knows nothing of what stands further right.
 STOREYS = ('images', 'graph', 'levels', 'matching', 'refinement', 'rectification', 'health',
            'quality', 'pipeline', 'evaluation')
-SHELL_STOREYS = ('messages', 'node', 'replay', 'demo')
+SHELL_STOREYS = ('messages', 'node', 'replay')
 
 
 def _above(path: Path, storeys: tuple[str, ...]) -> set[str]:

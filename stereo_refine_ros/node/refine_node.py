@@ -52,7 +52,6 @@ from stereo_refine_ros.node.views import (
 from stereo_refine_ros.node.worker import Afterwork, Worker
 from stereo_refine_ros.pairing import MessageSet
 from stereo_refine_ros.params import Params
-from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.frame import measure_frame
 from stereo_refine_ros.warm_up import compile_apart, run_kernels
 
@@ -214,8 +213,7 @@ class RefineNode(Node):
             params = self._settings.current
             cv2.setNumThreads(params.processing.threads)
             compile_apart(params, progress)
-            run_kernels(params, lambda params, pair, preliminary: StereoRefiner(params).process(
-                pair.left, pair.right, preliminary))
+            run_kernels(params)
         except Exception as error:  # frames may still work, and say so each by itself
             self._on_error(error)
         self._ready = True
