@@ -30,7 +30,7 @@ from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.opencv_matchers import match_bm, match_sgbm
 from stereo_refine_ros.matching.scanline import match_scanline
 from stereo_refine_ros.matching.tree_matchers import match_non_local, match_segment_tree
-from stereo_refine_ros.matching.tuning import BYTES_PER_CELL
+from stereo_refine_ros.matching.tuning import BYTES_PER_CELL, BYTES_PER_PIXEL
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.types import DisparityMap, FloatMap, StereoPair
 
@@ -44,7 +44,8 @@ MATCHERS: dict[str, Matcher] = {
     'scanline': match_scanline,
 }
 
-# They keep a cost volume of the whole image.
+# Those that need little beside the images, and those that keep a cost volume of them.
+OPENCV_MATCHERS = ('sgbm', 'bm')
 TREE_MATCHERS = ('segment_tree', 'non_local')
 
 
@@ -85,7 +86,7 @@ def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1) ->
         raise ValueError(f'matching.method {params.method}: needs the right image')
     if params.method not in MATCHERS:
         raise ValueError(f'matching.method: {params.method!r} is none of {", ".join(MATCHERS)}')
-    if params.method in TREE_MATCHERS:
+    if params.method not in OPENCV_MATCHERS:
         _check_memory(pair, params)
     return MATCHERS[params.method](pair, params, threads)
 
@@ -93,7 +94,8 @@ def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1) ->
 def _check_memory(pair: StereoPair, params: MatchingParams) -> None:
     height, width = pair.shape
     pixels = height * width
-    needed = pixels * params.num_disparities * BYTES_PER_CELL
+    needed = pixels * (params.num_disparities * BYTES_PER_CELL
+                       if params.method in TREE_MATCHERS else BYTES_PER_PIXEL)
     memory = os.sysconf('SC_PHYS_PAGES') * os.sysconf('SC_PAGE_SIZE')
     if needed > memory:
         raise ValueError(

@@ -73,8 +73,13 @@ def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1) -
     in small islands.
     """
     found = scan(pair, params.min_disparity, params.num_disparities, threads)
-    values = without_islands(found.disparity)
+    values = reliable(found)
     return Match(DisparityMap(values, params.min_disparity, params.num_disparities), scan=found)
+
+
+def reliable(found: Scan) -> FloatMap:
+    """Drop what any other disparity fits as well, as on a plain wall, and small islands."""
+    return without_islands(np.where(found.uniqueness > 0, found.disparity, np.float32(np.nan)))
 
 
 def scan(pair: StereoPair, min_disparity: int, num_disparities: int, threads: int = 1,

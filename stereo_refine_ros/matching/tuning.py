@@ -47,6 +47,9 @@ OPENCV_CHECKS = {
 # Memory, bytes for a pixel and a disparity of a cost volume: more is refused than the machine
 # has. At the peak 5.7 were measured: python reliability/large_pair.py.
 BYTES_PER_CELL = 8
+# Memory, bytes for a pixel of the scanline matcher, whatever the number of disparities: planes of
+# features, maps and what refines them.
+BYTES_PER_PIXEL = 120
 
 # Scanline cost, grey levels a pixel: both gradients' differences together count as this at most.
 # benchmarks/field.py, bad % of the preliminary map, KITTI / ETH3D / Middlebury / lab: 10 gives

@@ -16,15 +16,18 @@
 
 from __future__ import annotations
 
+import cv2
 from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from stereo_refine_ros.graph.support import sweep
+from stereo_refine_ros.images import to_grey
 from stereo_refine_ros.refinement.likelihood import roughness
 from stereo_refine_ros.refinement.tuning import (
-    ALIKE, MARGIN_GIVEN, MARGIN_HOLE, MARGIN_SLOPE, MARGINS, SETTLE_SIGMA, VOTE_SIGMA)
-from stereo_refine_ros.types import FloatMap
+    ALIKE, MARGIN_GIVEN, MARGIN_HOLE, MARGIN_SLOPE, MARGINS, PLAIN_CONTRAST,
+    PLAIN_ODDS, PLAIN_PARTS, SETTLE_SIGMA, VOTE_SIGMA)
+from stereo_refine_ros.types import FloatMap, Image
 
 
 def choose(maps: FloatMap, odds: FloatMap, given: FloatMap, weights: NDArray[np.uint8],
@@ -60,9 +63,12 @@ def choose(maps: FloatMap, odds: FloatMap, given: FloatMap, weights: NDArray[np.
     return np.where(is_likelier, which, 0)
 
 
-def settle(odds: FloatMap, weights: NDArray[np.uint8]) -> FloatMap:
+def settle(odds: FloatMap, weights: NDArray[np.uint8], image: Image) -> FloatMap:
     """
     Let the log-odds of neighbours of like colour count half: errors seldom come alone.
+
+    Where there is nothing to see far around, every disparity fits, and none is likely: in a
+    saturated window, a covered lens, a black image.
 
     Parameters
     ----------
@@ -70,12 +76,23 @@ def settle(odds: FloatMap, weights: NDArray[np.uint8]) -> FloatMap:
         Log-odds of the disparities that were chosen.
     weights : uint8 ndarray of shape (H, W, 2)
         Edge weights of the image's pixel graph.
+    image : uint8 ndarray of shape (H, W) or (H, W, 3)
+        The left view on the same grid.
 
     """
     ones = np.ones_like(odds)
     mean = (sweep(odds, weights, SETTLE_SIGMA) + odds) / (
         sweep(ones, weights, SETTLE_SIGMA) + ones)
-    return np.float32(0.5) * (odds + mean)
+    return np.float32(0.5) * (odds + mean) - np.float32(PLAIN_ODDS) * _is_plain(image)
+
+
+def _is_plain(image: Image) -> NDArray[np.bool_]:
+    """Whether grey levels hardly differ within a window of a part of the width of the image."""
+    grey = to_grey(image).astype(np.float32)
+    side = max(3, grey.shape[1] // PLAIN_PARTS) | 1
+    mean = cv2.blur(grey, (side, side)).reshape(grey.shape)
+    square = cv2.blur(grey * grey, (side, side)).reshape(grey.shape)
+    return square - mean * mean < np.float32(PLAIN_CONTRAST ** 2)
 
 
 def _margin(given: FloatMap) -> float:

@@ -23,7 +23,7 @@ import numpy as np
 from stereo_refine_ros.images import halve
 from stereo_refine_ros.levels import halve_pair, repeated, to_grid
 from stereo_refine_ros.matching.match import Match
-from stereo_refine_ros.matching.scanline import scan, Scan, without_islands
+from stereo_refine_ros.matching.scanline import reliable, scan, Scan
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.refinement.likelihood import Evidence
 from stereo_refine_ros.types import FloatMap, Image, StereoPair
@@ -43,7 +43,7 @@ def gather_evidence(pair: StereoPair, match: Match, params: MatchingParams, scal
     fine = match.scan or scan(pair, first, count, threads)
     half = halve_pair(pair)
     coarse = _doubled(scan(half, first // 2, -(-count // 2), threads), first, count)
-    values = match.disparity.values if match.scan else without_islands(fine.disparity)
+    values = match.disparity.values if match.scan else reliable(fine)
     if scale == 2:
         return Evidence(half.left, 2, to_grid(values, 2), coarse.disparity,
                         np.ascontiguousarray(fine.uniqueness[::2, ::2]), coarse.right)
@@ -53,7 +53,7 @@ def gather_evidence(pair: StereoPair, match: Match, params: MatchingParams, scal
 
 def _doubled(found: Scan, first: int, count: int) -> Scan:
     """Turn a match of half-size images into full-size pixels of the range, islands dropped."""
-    disparity = np.clip(2 * without_islands(found.disparity), first, first + count - 1)
+    disparity = np.clip(2 * reliable(found), first, first + count - 1)
     return replace(found, disparity=disparity, right=2 * found.right)
 
 

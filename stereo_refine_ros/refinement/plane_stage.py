@@ -123,7 +123,8 @@ def project_guarded(stage: PlaneStage, params: PlaneParams, threads: int = 1) ->
     odds = log_odds(maps, stage.given, planes, stage.evidence, threads)
     which = choose(maps, odds, stage.given, stage.graph.weights)[np.newaxis]
     values = np.take_along_axis(maps, which, axis=0)[0]
-    chosen = settle(np.take_along_axis(odds, which, axis=0)[0], stage.graph.weights)
+    chosen = settle(np.take_along_axis(odds, which, axis=0)[0], stage.graph.weights,
+                    stage.evidence.image)
     return Projected(Choice(stage.given, values, which[0] > 0), chosen, segments)
 
 
@@ -153,7 +154,7 @@ def _literal(stage: PlaneStage, values: FloatMap, is_moved: np.ndarray, planes: 
     odds = np.full(values.shape, -np.inf, np.float32)
     if not np.isnan(filled).any():
         odds = settle(log_odds(filled[np.newaxis], stage.given, planes, stage.evidence,
-                               threads)[0], stage.graph.weights)
+                               threads)[0], stage.graph.weights, stage.evidence.image)
     return Projected(Choice(stage.given, values, is_moved, is_literal=True), odds, segments)
 
 

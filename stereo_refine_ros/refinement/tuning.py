@@ -85,8 +85,8 @@ VOTE_SIGMA = 0.02
 # own disparities. Without them the area under the sparsification curve is a tenth larger.
 SETTLE_SIGMA = 0.05
 # Choice, log-odds: how much likelier than a hole filled from the background another candidate must
-# be. 0.0: Bowling1 gets worse by 0.2 in `accurate`; 0.3: Reindeer_half by 0.4 in `live`.
-MARGIN_HOLE = 0.15
+# be. 0.0: Rocks1 and cones get worse by 0.3, and the lab gains 0.2.
+MARGIN_HOLE = 0.6
 # Choice, log-odds: the same for a given disparity: MARGIN_GIVEN - MARGIN_SLOPE x roughness, within
 # MARGINS; the roughness of the whole map is about -2 for a network's, 1 for a matcher's.
 # HITNet on KITTI: 1.0 and 0.8 make 4 of 9 scenes worse by 0.1 (benchmarks/field.py), these none.
@@ -105,3 +105,7 @@ FRAMES_AVERAGED = 5
 FOLLOW_WINDOW = 15
 # In time, ratio: what is left of the last frame's confidence in each next one.
 FADE_OF_LAST = 0.85
+# Confidence, grey levels, parts of the width, log-odds: where the standard deviation within a
+# window of this part of the width is below that, nothing is there to match. Such a pixel is so
+# much less likely right. No scene of the field has one; covered lenses and black views have.
+PLAIN_CONTRAST, PLAIN_PARTS, PLAIN_ODDS = 1.0, 12, 5.0

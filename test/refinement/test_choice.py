@@ -21,6 +21,7 @@ from stereo_refine_ros.refinement.choice import choose, settle
 from stereo_refine_ros.refinement.tuning import ALIKE, MARGIN_HOLE, MARGINS
 
 SHAPE = (12, 16)
+TEXTURE = np.random.default_rng(8).integers(0, 256, SHAPE, dtype=np.uint8)
 FLAT = np.zeros((*SHAPE, 2), np.uint8)
 GIVEN = np.full(SHAPE, 5, np.float32)
 LEAST, LARGEST = MARGINS
@@ -115,19 +116,25 @@ def test_choice_is_one_of_the_candidates_and_inputs_stay():
     np.testing.assert_array_equal(odds, copies[1])
 
 
+def test_where_nothing_is_to_be_seen_nothing_is_likely():
+    odds = np.full(SHAPE, 3, np.float32)
+    plain = np.full((*SHAPE, 3), 250, np.uint8)
+    assert (settle(odds, FLAT, plain) < -1).all()
+
+
 def test_equal_odds_settle_where_they_are():
-    np.testing.assert_allclose(settle(np.full(SHAPE, -1.5, np.float32), FLAT), -1.5, rtol=1e-5)
+    np.testing.assert_allclose(settle(np.full(SHAPE, -1.5, np.float32), FLAT, TEXTURE), -1.5, rtol=1e-5)
 
 
 def test_odds_settle_half_way_to_their_neighbours():
     odds = np.full(SHAPE, 2, np.float32)
     odds[6, 8] = -4
-    settled = settle(odds, FLAT)
+    settled = settle(odds, FLAT, TEXTURE)
     # All neighbours together say nearly 2; the pixel itself counts half.
     assert -1.3 < settled[6, 8] < -0.7
     others = np.delete(settled.ravel(), 6 * SHAPE[1] + 8)
     assert 1.4 < others.min() < others.max() < 2.0
     # An edge keeps the doubt to itself.
-    settled = settle(odds, edges_around(6, 8))
+    settled = settle(odds, edges_around(6, 8), TEXTURE)
     assert settled[6, 8] == pytest.approx(-4, abs=0.5)
     assert np.delete(settled.ravel(), 6 * SHAPE[1] + 8).min() > 1.9
