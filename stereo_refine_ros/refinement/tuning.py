@@ -107,5 +107,6 @@ FOLLOW_WINDOW = 15
 FADE_OF_LAST = 0.85
 # Confidence, grey levels, parts of the width, log-odds: where the standard deviation within a
 # window of this part of the width is below that, nothing is there to match. Such a pixel is so
-# much less likely right. No scene of the field has one; covered lenses and black views have.
+# much less likely right. It costs the field's area under the curve 3 % (benchmarks/field.py), and
+# a covered lens or a plain view is no longer sure.
 PLAIN_CONTRAST, PLAIN_PARTS, PLAIN_ODDS = 1.0, 12, 5.0
