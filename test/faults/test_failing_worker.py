@@ -61,7 +61,7 @@ def test_a_kernel_that_fails_is_reported_and_the_preliminary_goes_out(harness, m
         harness.until_diagnosed('publishing the preliminary disparity instead', b'\x02')
     figures = {item.key: item.value for item in metrics.status[0].values}
     assert figures['degraded'] == '1' and metrics.status[0].level == b'\x02'
-    expected = StereoRefiner(load_preset('live', PARAMS)).process(*PAIR).preliminary.values
+    expected = StereoRefiner(load_preset('live', PARAMS)).preliminary_only(*PAIR).disparity.values
     np.testing.assert_array_equal(floats(message.image), np.nan_to_num(expected, nan=-1.0))
     # Once refining works again, the next frame is refined, and the ERROR ends.
     back, metrics = client.exchange(harness.pair(), ('disparity', 'metrics'))
@@ -79,7 +79,7 @@ def test_a_matcher_that_fails_too_costs_frames_and_nothing_else(harness, monkeyp
     client.exchange(harness.pair(), timeout_s=60.0)
     with monkeypatch.context() as broken:
         broken.setattr(StereoRefiner, 'process', failing)
-        broken.setattr(pipeline, 'compute_match', failing)
+        broken.setattr(pipeline, 'find_match', failing)
         for number in range(1, 6):
             client.send(harness.pair())
             harness.until_failed(number)
