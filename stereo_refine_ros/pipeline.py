@@ -28,7 +28,7 @@ from stereo_refine_ros.health.pair import PairExaminer
 from stereo_refine_ros.images import halve
 from stereo_refine_ros.levels import (
     at_full_size, grid_scale, repeated, segments_at_full_size, to_grid)
-from stereo_refine_ros.matching import find_match
+from stereo_refine_ros.matching import check_memory, find_match
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.refinement.evidence import gather_evidence
 from stereo_refine_ros.refinement.filters import apply_filter
@@ -75,6 +75,7 @@ class StereoRefiner:
         """
         clock, pair = _Clock(), StereoPair(left, right)
         params, threads = self.params, threads or self.params.processing.threads
+        check_memory(pair, params.matching)
         scale = grid_scale(pair.shape, params.processing.refine_pixels)
         graph = start(threads, self._segment, left, scale, clock)  # beside the matching
         with clock.timing('matching'):
@@ -85,10 +86,10 @@ class StereoRefiner:
         segments = graph.result()
         with clock.timing('planes'):
             lowest = float(params.matching.min_disparity)
-            projected = self._project(
-                PlaneStage(to_grid(match.disparity.values, scale),
-                           to_grid(match.fit_data, scale), segments, evidence, lowest,
-                           lowest + params.matching.num_disparities - 1), params.planes, threads)
+            projected = self._project(PlaneStage(
+                to_grid(match.disparity.values, scale), to_grid(match.fit_data, scale), segments,
+                evidence, lowest, lowest + params.matching.num_disparities - 1),
+                params.planes, threads)
             values = at_full_size(projected.choice, match.disparity.values, pair.left,
                                   evidence.image, scale, threads)
         with clock.timing('filter'):

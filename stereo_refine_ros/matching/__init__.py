@@ -86,12 +86,14 @@ def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1) ->
         raise ValueError(f'matching.method {params.method}: needs the right image')
     if params.method not in MATCHERS:
         raise ValueError(f'matching.method: {params.method!r} is none of {", ".join(MATCHERS)}')
-    if params.method not in OPENCV_MATCHERS:
-        _check_memory(pair, params)
+    check_memory(pair, params)
     return MATCHERS[params.method](pair, params, threads)
 
 
-def _check_memory(pair: StereoPair, params: MatchingParams) -> None:
+def check_memory(pair: StereoPair, params: MatchingParams) -> None:
+    """Refuse a pair that this machine has no memory for, before anything is allocated."""
+    if params.method in OPENCV_MATCHERS:
+        return
     height, width = pair.shape
     pixels = height * width
     needed = pixels * (params.num_disparities * BYTES_PER_CELL

@@ -17,7 +17,7 @@
 from dataclasses import replace
 import time
 
-from harness import stereo_messages, textured_pair
+from harness import stereo_messages
 from live_harness import Harness, PAIR
 import numpy as np
 import pytest

@@ -158,7 +158,7 @@ def test_a_cost_volume_beyond_the_memory_is_refused_at_once(method):
     huge = np.broadcast_to(np.uint8(0), (16384, 16384))  # of one byte
     params = load_preset('accurate', {
         'matching.method': method, 'matching.num_disparities': 2048})
-    with pytest.raises(ValueError, match='16384 x 16384 with 2048 disparities needs about 4398'):
+    with pytest.raises(ValueError, match='16384 x 16384 with 2048 disparities needs about'):
         StereoRefiner(params).process(huge, huge)
 
 
