@@ -123,7 +123,8 @@ def test_where_nothing_is_to_be_seen_nothing_is_likely():
 
 
 def test_equal_odds_settle_where_they_are():
-    np.testing.assert_allclose(settle(np.full(SHAPE, -1.5, np.float32), FLAT, TEXTURE), -1.5, rtol=1e-5)
+    settled = settle(np.full(SHAPE, -1.5, np.float32), FLAT, TEXTURE)
+    np.testing.assert_allclose(settled, -1.5, rtol=1e-5)
 
 
 def test_odds_settle_half_way_to_their_neighbours():
