@@ -41,7 +41,7 @@ from stereo_refine_ros.params import load_preset, PRESETS
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.disparity_errors import bad_percent
 from stereo_refine_ros.refinement.filling import fill_from_background
-from stereo_refine_ros.rectification import find_row_offset
+from stereo_refine_ros.rectification import find_row_offset  # noqa: I100
 from stereo_refine_ros.refinement.filters import apply_filter
 from stereo_refine_ros.types import FloatMap
 

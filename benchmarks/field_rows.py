@@ -60,7 +60,7 @@ class FieldRow:
 
     group: str
     scene: str
-    map: str
+    map: str  # noqa: A003
     preset: str
     figures: Figures
 

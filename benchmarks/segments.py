@@ -32,11 +32,11 @@ import numpy as np
 from numpy.typing import NDArray
 import yaml
 
-from stereo_refine_ros.datasets.middlebury import list_scenes, load_scene
+from stereo_refine_ros.datasets.middlebury import list_scenes, load_scene  # noqa: I100
 from stereo_refine_ros.params import load_preset, PlaneParams, SegmentationParams
 from stereo_refine_ros.refinement.planes import fit_planes
 from stereo_refine_ros.refinement.tuning import MIN_DATA
-from stereo_refine_ros.graph.segment_graph import group_pixels, PixelLists
+from stereo_refine_ros.graph.segment_graph import group_pixels, PixelLists  # noqa: I100
 from stereo_refine_ros.graph.segmentation import segment_image
 from stereo_refine_ros.types import FloatMap, Image, LabelMap
 

@@ -23,7 +23,7 @@ import cv2
 import numpy as np
 
 from stereo_refine_ros.datasets.scene import Scene
-from demo.table import format_value, MEASURES
+from demo.table import format_value, MEASURES  # noqa: I100
 from stereo_refine_ros.evaluation.pictures import (
     color_confidence, color_disparity, color_error, draw_segments, ERROR_LIMIT)
 from stereo_refine_ros.types import FloatMap, Image, LabelMap, PlaneSegmentation

@@ -39,7 +39,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / 'benchmarks')]
 
-from field_scenes import FieldScene, read_field_scene, scene_folders, SETS  # noqa: E402
+from field_scenes import FieldScene, read_field_scene, scene_folders, SETS  # noqa: E402, I100
 
 from stereo_refine_ros.graph.segment_graph import build_segment_graph  # noqa: E402
 from stereo_refine_ros.health.pair import PairExaminer  # noqa: E402

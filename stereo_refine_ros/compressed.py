@@ -46,7 +46,7 @@ _COLORS = {'rgb8', 'bgr8', 'rgba8', 'bgra8', 'rgb16', 'bgr16', 'rgba16', 'bgra16
 class CompressedFields(Protocol):
     """The fields of sensor_msgs/CompressedImage, from whatever library."""
 
-    format: str
+    format: str  # noqa: A003
     data: Any
 
 

@@ -49,7 +49,7 @@ class ParameterSpec:
     """The definition of one parameter, as the ROS descriptors and docs/ need it."""
 
     name: str
-    type: type
+    type: type  # noqa: A003
     default: Any
     description: str
     unit: str = ''

@@ -175,7 +175,7 @@ class Params:
     matching: MatchingParams = field(default_factory=MatchingParams)
     segmentation: SegmentationParams = field(default_factory=SegmentationParams)
     planes: PlaneParams = field(default_factory=PlaneParams)
-    filter: FilterParams = field(default_factory=FilterParams)
+    filter: FilterParams = field(default_factory=FilterParams)  # noqa: A003
     rectification: RectificationParams = field(default_factory=RectificationParams)
     temporal: TemporalParams = field(default_factory=TemporalParams)
     output: OutputParams = field(default_factory=OutputParams)

@@ -50,7 +50,7 @@ def compressed(stamp_ns, data, kind):
 
 
 def raw_camera_info(stamp_ns, model):
-    """The message of a `CameraModel`."""
+    """Return the message of a `CameraModel`."""
     region = STORE.types['sensor_msgs/msg/RegionOfInterest'](0, 0, 0, 0, False)
     return STORE.types['sensor_msgs/msg/CameraInfo'](
         header(stamp_ns), model.height, model.width, model.distortion_model,

@@ -16,10 +16,10 @@
 
 import cv2
 from real_scenes import real_scene_folder
-import numpy as np
+import numpy as np  # noqa: I100
 import pytest
 
-from stereo_refine_ros.health_advice import (
+from stereo_refine_ros.health_advice import (  # noqa: I101
     advise, Advice, FRAMES_LOOKED_AT, FRAMES_NEEDED, Level, Observation, Settled)
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
@@ -135,7 +135,7 @@ HEALTHY = (
 
 
 def scene(name, width=400):
-    """A pair of a set, as wide as makes the test quick, and its search range."""
+    """Return a pair of a set, as wide as makes the test quick, and its search range."""
     folder = real_scene_folder(f'../{name}')
     pair = [cv2.imread(str(folder / f'{side}.png')) for side in ('left', 'right')]
     scale = width / pair[0].shape[1]

@@ -122,7 +122,7 @@ def band_kernel(start, stop, lanes, views, base, flat, settings, work, out):
             for k in range(2 if two else 1):
                 plan_rows(y + k, base, flat, settings, shift_limit, lane_count, plan[k])
                 plan_column(y + k, max(y + k - 1, first), y + k, base, flat, settings, before,
-                             stride, shift_limit, plan[k])
+                             stride, shift_limit, plan[k])  # noqa: E127
             _reset_rows(row_states, row_state, row_offset, lane_count)
             _ahead(lanes, row_states, row_state, row_offset, column, here, there, before, stride,
                    column_least, cost, total, at, next_at, row, plan, two)

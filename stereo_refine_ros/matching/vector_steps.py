@@ -164,7 +164,7 @@ class _Vectors:
         if self.width < 64:
             return build.zext(place, _I64)
         return place if self.width == 64 else build.trunc(place, _I64)
-@intrinsic
+@intrinsic  # noqa: E302
 def match_column(typing, lanes, left, right, size, mask, outside, slope_limit, census_limit, at,
                  partner, seat, cost, to, column, begin, least, small, large, end, kept, keep_at):
     """

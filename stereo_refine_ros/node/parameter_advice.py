@@ -24,7 +24,7 @@ from typing import Any
 
 import yaml
 
-from stereo_refine_ros.params import REPLACED, SPEC_BY_NAME
+from stereo_refine_ros.params import REPLACED, SPEC_BY_NAME  # noqa: I100
 
 _SPELLED_ALIKE = 0.6
 _NO_COUNTERPART = 'has no counterpart here'

@@ -111,7 +111,7 @@ class RefineNode(Node):
         """Take no more frames; return whether every thread ended within the time."""
         self._stopping = True
         end = time.monotonic() + timeout_s
-        return all([part.stop(max(0.0, end - time.monotonic()))
+        return all([part.stop(max(0.0, end - time.monotonic()))  # noqa: C419
                     for part in (self._truths, self._worker, self._afterwork)])
 
     # One frame, from its messages to what is made of it.

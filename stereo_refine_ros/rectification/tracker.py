@@ -41,7 +41,7 @@ class RowOffsetTracker:
 
     @property
     def in_use(self) -> RowOffset:
-        """The offset to undo, as the last update left it."""
+        """Return the offset to undo, as the last update left it."""
         return self._in_use
 
     @property

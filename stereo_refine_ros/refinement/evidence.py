@@ -23,7 +23,7 @@ import numpy as np
 from stereo_refine_ros.images import halve
 from stereo_refine_ros.levels import halve_pair, repeated, to_grid
 from stereo_refine_ros.matching.match import Match
-from stereo_refine_ros.matching.scanline import reliable, scan, Scan
+from stereo_refine_ros.matching.scanline import reliable, scan, Scan  # noqa: I101
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.refinement.likelihood import Evidence
 from stereo_refine_ros.types import FloatMap, Image, StereoPair

@@ -137,7 +137,7 @@ def features_at(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evi
     """Return what the model looks at, float32 (K, H, W, F): to fit it."""
     out = np.empty((*maps.shape, _COUNT), np.float32)
     judge_kernel(0, maps.shape[1], *_arguments(maps, given, planes, evidence),
-                  np.zeros(_COUNT, np.float32), np.empty_like(maps), out)
+                  np.zeros(_COUNT, np.float32), np.empty_like(maps), out)  # noqa: E127
     return out
 
 

@@ -37,8 +37,8 @@ def roughness_kernel(values, bend):
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def judge_kernel(start, stop, maps, given, plane, quality, fine, inside, coarse, uniqueness,
-                  right, local, unique_around, disagreement, image, ring, allowed,
-                  scale, table, odds, features):
+                  right, local, unique_around, disagreement, image, ring, allowed,  # noqa: E127
+                  scale, table, odds, features):  # noqa: E127
     """Fill rows start..stop of `odds`; and of `features` (K, H, W, F), if asked."""
     count, _, width = maps.shape
     reach = (fine.shape[1] - width) // 2

@@ -129,7 +129,7 @@ def project_guarded(stage: PlaneStage, params: PlaneParams, threads: int = 1) ->
 
 
 def share_planes(stage: PlaneStage, params: PlaneParams, threads: int,
-                  ) -> tuple[PlaneSegmentation, PlaneMap]:
+                  ) -> tuple[PlaneSegmentation, PlaneMap]:  # noqa: E124
     """Fit a plane to every segment, merge what is coplanar, adopt where a segment has no data."""
     graph = stage.graph
     fits = fit_planes(graph.lists, stage.data, params, threads)

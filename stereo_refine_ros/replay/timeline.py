@@ -50,7 +50,7 @@ class Timeline:
 
     @property
     def position_ns(self) -> int:
-        """The bag's time now, in nanoseconds."""
+        """Return the bag's time now, in nanoseconds."""
         if self.is_paused:
             return self._from_ns
         return self._from_ns + round((self._now() - self._since) * self.speed * _NS)

@@ -121,7 +121,7 @@ def test_layouts_of_data_sets_and_of_people(tmp_path, left, right):
 
 
 def test_stamps_without_a_partner_are_left_out(tmp_path):
-    """EuRoC's cameras do not all start and end with the same frame."""
+    """Check EuRoC's cameras do not all start and end with the same frame."""
     for camera, stamps in (('cam0', (1, 2, 3)), ('cam1', (2, 3, 4))):
         for stamp in stamps:
             _write(tmp_path / 'mav0' / camera / 'data' / f'140371527326214297{stamp}.png', stamp)

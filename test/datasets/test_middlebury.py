@@ -148,7 +148,7 @@ def test_truth_of_the_field_in_16_bits_and_in_floats(name):
 
 @pytest.fixture
 def folder(tmp_path):
-    """A scene without truth; `meta.json` is up to the test."""
+    """Return a scene without truth; `meta.json` is up to the test."""
     scene = render_scene(1, 32, 48, 16, 1)
     for side, view in (('left', scene.pair.left), ('right', scene.pair.right)):
         cv2.imwrite(str(tmp_path / f'{side}.png'), view)

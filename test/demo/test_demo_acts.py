@@ -21,7 +21,7 @@ import shutil
 import numpy as np
 import pytest
 
-from demo.acts import choose_acts, CAMERA_SIZE_SCENES, ROW_OFFSET_PX, row_report
+from demo.acts import CAMERA_SIZE_SCENES, choose_acts, ROW_OFFSET_PX, row_report  # noqa: I100
 from stereo_refine_ros.datasets import render_scene
 from stereo_refine_ros.evaluation.pictures import write_picture
 from stereo_refine_ros.replay.options import build_parser, scene_source

@@ -23,12 +23,12 @@ import rclpy
 from sensor_msgs.msg import Image
 from stereo_msgs.msg import DisparityImage
 
-from demo.collector import Collector
+from demo.collector import Collector  # noqa: I100
 from stereo_refine_ros.messages.disparity import disparity_message
 from stereo_refine_ros.messages.metrics import metrics_message
 from stereo_refine_ros.messages.outputs import image_message
 from stereo_refine_ros.types import DisparityMap, StereoGeometry
-from std_msgs.msg import Header
+from std_msgs.msg import Header  # noqa: I100
 
 pytestmark = pytest.mark.ros
 WARN, ERROR, OK = DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.OK

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from stereo_refine_ros.datasets import render_scene, Scene
-from demo.pictures import write_pictures
+from demo.pictures import write_pictures  # noqa: I100
 from demo.table import format_value, LiveTable, summary_line
 
 METRICS = {'bad_1_0_preliminary': 12.5, 'bad_1_0_refined': 3.25, 'total_ms': 31.0,

@@ -21,7 +21,7 @@ from types import SimpleNamespace
 import pytest
 
 from stereo_refine_ros import dds_profile
-from demo.processes import dds_environment, DemoError, Processes
+from demo.processes import dds_environment, DemoError, Processes  # noqa: I100
 from stereo_refine_ros.params import preset_path
 
 CONFIG = preset_path('live').parent

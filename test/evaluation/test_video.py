@@ -105,7 +105,7 @@ def test_bag_of_raw_images_is_rectified_where_the_parameters_say_so(tmp_path, sc
     height, width = scene.pair.shape
     model = CameraModel(
         width, height, 'plumb_bob', [0.0] * 5, [90.0, 0, (width - 1) / 2, 0, 90.0,
-                                               (height - 1) / 2, 0, 0, 1],
+                                               (height - 1) / 2, 0, 0, 1],  # noqa: E128
         [-1.0, 0, 0, 0, -1.0, 0, 0, 0, 1.0],
         [90.0, 0, (width - 1) / 2, 0, 0, 90.0, (height - 1) / 2, 0, 0, 0, 1, 0])
     stamp = 5 * 10 ** 9

@@ -16,7 +16,7 @@
 
 import numpy as np
 import pytest
-from matching_reference import remove_speckles
+from matching_reference import remove_speckles  # noqa: I100
 
 from stereo_refine_ros.matching import islands
 from stereo_refine_ros.matching.islands import without_islands

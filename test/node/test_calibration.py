@@ -45,7 +45,7 @@ def test_a_good_calibration_raises_no_doubt():
 
 
 def test_the_baseline_is_between_both_cameras():
-    """KITTI's colour cameras 2 and 3, both relative to camera 0."""
+    """Check KITTI's colour cameras 2 and 3, both relative to camera 0."""
     calibration = infos()
     calibration.left.p[0] = calibration.right.p[0] = 721.5377
     calibration.left.p[3], calibration.right.p[3] = 44.85728, -339.5242

@@ -46,7 +46,7 @@ def compressed(data, kind, stamp):
 
 
 def compressed_pair(left, right, suffix='.png', kind='bgr8; png compressed bgr8'):
-    """The messages of a pair, its images compressed and under their own names."""
+    """Return the messages of a pair, its images compressed and under their own names."""
     stamp = next(stamps)
     messages = stereo_messages(left, right, stamp, cx_right=77.5)
     for topic, view in zip(IMAGES, (left, right), strict=True):
@@ -75,7 +75,7 @@ def by_compressed(client):
 
 @pytest.fixture(scope='module')
 def plain(client):
-    """What the node makes of the pair as plain images."""
+    """Return what the node makes of the pair as plain images."""
     return floats(client.exchange(good_pair())[0].image)
 
 

@@ -27,7 +27,7 @@ from builtin_interfaces.msg import Time
 import pytest
 from stereo_refine_ros.node.inputs import TYPES
 from stereo_refine_ros.node.publishers import TOPICS
-from stereo_refine_ros.messages.scene import scene_header
+from stereo_refine_ros.messages.scene import scene_header  # noqa: I100
 from stereo_refine_ros.params import check_values, PRESETS, SPEC_BY_NAME
 import yaml
 

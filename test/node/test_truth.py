@@ -34,7 +34,7 @@ class Desk:
             lambda frame, found: self.measured.put((frame, found)), lambda: self.expected,
             self.errors.append)
 
-    def next(self):
+    def next(self):  # noqa: A003
         return self.measured.get(timeout=10)
 
 

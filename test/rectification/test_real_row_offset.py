@@ -111,7 +111,7 @@ def test_what_was_put_in_is_undone(name):
 
 @pytest.mark.parametrize('name', CAMERAS)
 def test_real_camera_against_features(name):
-    """SIFT's matches, filtered by their own robust fit, lie nearer to the offset than to none."""
+    """Check that SIFT's matches, robustly filtered, lie nearer to the offset than to none."""
     pair = load(name)
     found = find_row_offset(pair.left, pair.right, 0, pair.disparities)
     x, y, dy = feature_rows(pair)

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.compiled
 
 
 def test_car_has_one_offset_and_its_picture_is_not_shaken():
-    """SIFT's matches in three of the frames say -0.12 to -0.23 px and a twist of 6.0 to 6.9."""
+    """Compare SIFT's matches in three frames: -0.12 to -0.23 px and a twist of 6.0 to 6.9."""
     folder = real_scene_folder('../sequences/kitti_odometry_excerpt_1')
     tracker, used, measured = RowOffsetTracker(), [], []
     for path in sorted((folder / 'left').glob('*.png')):

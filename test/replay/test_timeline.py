@@ -22,7 +22,7 @@ NS = 1_000_000_000
 
 
 class Clock:
-    def __init__(self):
+    def __init__(self):  # noqa: CNL100
         self.now = 50.0
 
     def __call__(self):
