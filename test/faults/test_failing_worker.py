@@ -128,7 +128,7 @@ def test_parameters_are_swapped_whole_between_frames(harness, monkeypatch):
     stop, swaps = threading.Event(), Counter()
 
     def swap():
-        while not stop.is_set():
+        while not stop.wait(0.005):  # or the frames starve
             values = sets[swaps['done'] % 2]
             result = harness.node.set_parameters_atomically(
                 [Parameter(name, value=value) for name, value in values.items()])
@@ -136,14 +136,14 @@ def test_parameters_are_swapped_whole_between_frames(harness, monkeypatch):
     thread = threading.Thread(target=swap)
     thread.start()
     try:
-        for _ in range(60):
-            client.exchange(harness.pair())
+        for _ in range(20):
+            client.exchange(harness.pair(), timeout_s=30.0)
     finally:
         stop.set()
         thread.join()
     assert set(seen) <= {(11, 1, 111), (22, 2, 222)} and len(seen) == 2, seen
-    assert sum(seen.values()) == 60
-    assert swaps['done'] > 100 and swaps['refused'] == 0
+    assert sum(seen.values()) == 20
+    assert swaps['done'] > 20 and swaps['refused'] == 0
     assert client.health()['processing_failures'] == 0
 
 
