@@ -101,7 +101,7 @@ class StereoRefiner:
         if self._memory is not None:
             with clock.timing('filter'):
                 refined, confidence = self._memory.steady(
-                    refined, confidence, left, health.noise_sigma, threads)
+                    refined, confidence, left, health.noise_sigma, threads, match.is_own)
         return RefinementResult(
             replace(match.disparity, values=refined), match.disparity,
             segments_at_full_size(projected.segments, pair.shape, scale),

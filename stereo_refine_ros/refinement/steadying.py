@@ -23,7 +23,7 @@ neighbourhood does together is no noise, and is followed at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import threading
 
 import cv2
@@ -48,13 +48,16 @@ class _Last:
     values: FloatMap
     confidence: FloatMap
     age: FloatMap
+    left: Image | None = None
+    is_own: bool = True
 
 
 class FrameMemory:
     """
     The last frame of one camera. Frames may come from several threads; the latest done counts.
 
-    Frames of another size begin anew.
+    Frames of another size or source begin anew, and so does the very same image: a sensor never
+    takes it twice, so somebody refines one frame again.
     """
 
     def __init__(self) -> None:
@@ -63,7 +66,7 @@ class FrameMemory:
         self._last: _Last | None = None
 
     def steady(self, values: FloatMap, confidence: FloatMap, left: Image, noise_sigma: float,
-               threads: int = 1) -> tuple[FloatMap, FloatMap]:
+               threads: int = 1, is_own: bool = True) -> tuple[FloatMap, FloatMap]:
         """
         Steady a refined map by the last one, and keep the result for the next.
 
@@ -77,6 +80,8 @@ class FrameMemory:
             Sensor noise of `left`, grey levels, NaN for none known.
         threads : int
             Bands of rows side by side.
+        is_own : bool
+            False for a refined map from outside: the two never mix.
 
         Returns
         -------
@@ -86,10 +91,12 @@ class FrameMemory:
         grey = cv2.blur(to_grey(left), (3, 3)).reshape(values.shape)
         with self._lock:
             last = self._last
-        if last is None or last.grey.shape != grey.shape:
-            now = _Last(grey, values, confidence, np.ones_like(values))
+        if (last is None or last.grey.shape != grey.shape or last.is_own != is_own
+                or np.array_equal(last.left, left)):
+            now = _Last(grey, values, confidence, np.ones_like(values), left, is_own)
         else:
-            now = _steadied(last, grey, values, confidence, noise_sigma, threads)
+            now = replace(_steadied(last, grey, values, confidence, noise_sigma, threads),
+                          left=left, is_own=is_own)
         with self._lock:
             self._last = now
         return now.values, now.confidence

@@ -30,6 +30,13 @@ def image(seed=0):
     return np.random.default_rng(seed).integers(0, 256, SHAPE, dtype=np.uint8)
 
 
+def shot(number):
+    """Take the same picture with another grey level of one pixel: no sensor repeats itself."""
+    taken = image()
+    taken[0, 0] = taken[0, 0] // 2 + number % 2
+    return taken
+
+
 def flat(value):
     return np.full(SHAPE, value, np.float32)
 
@@ -43,7 +50,7 @@ def test_the_first_frame_stays_as_it_is():
 def test_noise_on_a_still_image_is_averaged_away():
     rng, memory = np.random.default_rng(1), FrameMemory()
     noisy = [flat(10) + rng.normal(0, 0.2, SHAPE).astype(np.float32) for _ in range(8)]
-    steady = [memory.steady(frame, SURE, image(), 1.0)[0] for frame in noisy]
+    steady = [memory.steady(frame, SURE, shot(k), 1.0)[0] for k, frame in enumerate(noisy)]
     change = np.abs(noisy[7] - noisy[6]).mean()
     assert np.abs(steady[7] - steady[6]).mean() < 0.4 * change
     assert steady[7].mean() == pytest.approx(10, abs=0.02)
@@ -52,28 +59,28 @@ def test_noise_on_a_still_image_is_averaged_away():
 def test_what_moves_together_is_followed_at_once():
     memory = FrameMemory()
     for k in range(6):
-        values, _ = memory.steady(flat(10 + 0.5 * k), SURE, image(), 1.0)
+        values, _ = memory.steady(flat(10 + 0.5 * k), SURE, shot(k), 1.0)
     np.testing.assert_allclose(values, flat(12.5), atol=0.01)
 
 
 def test_a_less_sure_jump_on_a_still_image_does_not_show():
     memory = FrameMemory()
-    memory.steady(flat(10), SURE, image(), 1.0)
-    values, confidence = memory.steady(flat(20), SURE * 0.5, image(), 1.0)
+    memory.steady(flat(10), SURE, shot(1), 1.0)
+    values, confidence = memory.steady(flat(20), SURE * 0.5, shot(2), 1.0)
     np.testing.assert_array_equal(values, flat(10))
     np.testing.assert_allclose(confidence, SURE * FADE_OF_LAST)
 
 
 def test_a_sure_jump_shows_at_once():
     memory = FrameMemory()
-    memory.steady(flat(10), SURE, image(), 1.0)
-    np.testing.assert_array_equal(memory.steady(flat(20), SURE, image(), 1.0)[0], flat(20))
+    memory.steady(flat(10), SURE, shot(1), 1.0)
+    np.testing.assert_array_equal(memory.steady(flat(20), SURE, shot(2), 1.0)[0], flat(20))
 
 
 def test_what_was_kept_fades():
     memory = FrameMemory()
-    memory.steady(flat(10), SURE, image(), 1.0)
-    shown = [memory.steady(flat(20), SURE * 0.5, image(), 1.0)[0][0, 0] for _ in range(6)]
+    memory.steady(flat(10), SURE, shot(1), 1.0)
+    shown = [memory.steady(flat(20), SURE * 0.5, shot(k), 1.0)[0][5, 5] for k in range(6)]
     assert shown[0] == 10 and shown[-1] == 20
 
 
@@ -101,7 +108,7 @@ def test_a_cut_begins_anew():
 
 def test_another_size_begins_anew():
     memory = FrameMemory()
-    memory.steady(flat(10), SURE, image(), 1.0)
+    memory.steady(flat(10), SURE, shot(1), 1.0)
     half = np.full((20, 30), 7, np.float32)
     np.testing.assert_array_equal(
         memory.steady(half, half * 0, image()[:20, :30], 1.0)[0], half)
@@ -124,3 +131,12 @@ def test_threads_change_no_bit_and_may_share_a_memory():
     with ThreadPoolExecutor(4) as pool:
         shown = list(pool.map(lambda v: shared.steady(v, SURE, image(), 1.0)[0], frames * 5))
     assert all(np.isfinite(values).all() for values in shown)
+
+
+def test_the_same_frame_again_and_another_source_begin_anew():
+    memory = FrameMemory()
+    memory.steady(flat(10), SURE, shot(1), 1.0)
+    again, _ = memory.steady(flat(10.5), SURE, shot(1), 1.0)
+    np.testing.assert_array_equal(again, flat(10.5))
+    given, _ = memory.steady(flat(10), SURE * 0.1, shot(2), 1.0, is_own=False)
+    np.testing.assert_array_equal(given, flat(10))
