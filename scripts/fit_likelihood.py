@@ -48,7 +48,7 @@ from stereo_refine_ros.matching import compute_match  # noqa: E402
 from stereo_refine_ros.matching.match import Match  # noqa: E402
 from stereo_refine_ros.params import load_preset, Params  # noqa: E402
 from stereo_refine_ros.refinement.candidates import propose  # noqa: E402
-from stereo_refine_ros.refinement.evidence import gather_evidence  # noqa: E402
+from stereo_refine_ros.refinement.evidence import gather_evidence, match_half  # noqa: E402
 from stereo_refine_ros.refinement.filling import fill_from_background  # noqa: E402
 from stereo_refine_ros.refinement.likelihood import FEATURES, features_at  # noqa: E402
 from stereo_refine_ros.refinement.plane_stage import PlaneStage, share_planes  # noqa: E402
@@ -89,13 +89,14 @@ def rows_of(scene: FieldScene, preset: str, rng: np.random.Generator) -> Iterato
     pair = PairExaminer(params).prepare(StereoPair(scene.left, scene.right), 2).pair
     scale = grid_scale(pair.shape, params.processing.refine_pixels)
     own = compute_match(pair, params.matching, 2)
-    evidence = gather_evidence(pair, own, params.matching, scale, 2)
+    evidence = gather_evidence(pair, own, to_grid(own.disparity.values, scale),
+                               match_half(pair, params.matching), params.matching, scale, 2)
     graph = build_segment_graph(evidence.image, params.segmentation, scale)
     truth = to_grid(scene.truth, scale)
     for given in given_maps(pair, scene, own, params):
         match = Match(DisparityMap(given, 0, scene.num_disparities), is_own=False)
-        blind = gather_evidence(StereoPair(pair.left, None), match, params.matching, scale, 2)
         on_grid = to_grid(given, scale)
+        blind = gather_evidence(pair, match, on_grid, None, params.matching, scale, 2)
         for seen in (evidence, blind):
             stage = PlaneStage(on_grid, on_grid, graph, seen, 0.0, scene.num_disparities - 1.0)
             _, planes = share_planes(stage, params.planes, 2)

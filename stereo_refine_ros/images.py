@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.types import Image
+Image = NDArray[np.uint8]
 
 
 def to_grey(image: Image) -> Image:

@@ -44,7 +44,7 @@ def halve_pair(pair: StereoPair) -> StereoPair:
     return StereoPair(halve(pair.left), None if pair.right is None else halve(pair.right))
 
 
-def to_grid(values: FloatMap, scale: int) -> FloatMap:
+def to_grid(values: FloatMap, scale: int, threads: int = 1) -> FloatMap:
     """
     Bring a full-size map to the grid; its disparities stay in full-size pixels.
 
@@ -55,7 +55,7 @@ def to_grid(values: FloatMap, scale: int) -> FloatMap:
         return values
     height, width = values.shape
     half = np.empty(((height + 1) // 2, (width + 1) // 2), np.float32)
-    _pick_kernel(np.ascontiguousarray(values), half)
+    run_bands(_pick_kernel, len(half), threads, np.ascontiguousarray(values), half)
     return half
 
 
@@ -126,23 +126,38 @@ def at_full_size(choice: Choice, given: FloatMap, left: Image, grid_left: Image,
     return out
 
 
-@njit(cache=True, nogil=True)
-def _pick_kernel(values, half):
+@njit(cache=True, nogil=True, error_model='numpy')
+def _pick_kernel(start, stop, values, half):
     height, width = values.shape
-    for y in range(half.shape[0]):
-        for x in range(half.shape[1]):
-            first, total, count = np.float32(np.nan), np.float32(0), 0
-            for v in range(2 * y, min(2 * y + 2, height)):
-                for u in range(2 * x, min(2 * x + 2, width)):
-                    value = values[v, u]
-                    if np.isnan(value):
-                        continue
-                    if np.isnan(first):
-                        first = value
-                    if abs(value - first) <= 1:
-                        total += value
-                        count += 1
-            half[y, x] = total / np.float32(count) if count > 0 else np.float32(np.nan)
+    none = np.float32(np.nan)
+    whole = width // 2
+    for y in range(start, stop):
+        upper, lower, to = values[2 * y], values[min(2 * y + 1, height - 1)], half[y]
+        if 2 * y + 1 < height:
+            for x in range(whole):
+                to[x] = _mean(upper[2 * x], upper[2 * x + 1], lower[2 * x], lower[2 * x + 1])
+        else:
+            for x in range(whole):
+                to[x] = _mean(upper[2 * x], upper[2 * x + 1], none, none)
+        if width % 2:
+            below = lower[width - 1] if 2 * y + 1 < height else none
+            to[whole] = _mean(upper[width - 1], none, below, none)
+
+
+@njit(cache=True, nogil=True, error_model='numpy', inline='always')
+def _mean(a, b, c, d):
+    """Mean of those within 1 px of the first that is not NaN; no branches, for vectors."""
+    first = c if c == c else d
+    first = b if b == b else first
+    first = a if a == a else first
+    one, none = np.float32(1), np.float32(0)
+    near_a, near_b = abs(a - first) <= one, abs(b - first) <= one
+    near_c, near_d = abs(c - first) <= one, abs(d - first) <= one
+    total = ((a if near_a else none) + (b if near_b else none)
+             + (c if near_c else none) + (d if near_d else none))
+    count = ((one if near_a else none) + (one if near_b else none)
+             + (one if near_c else none) + (one if near_d else none))
+    return total / max(count, one) if count > 0 else np.float32(np.nan)
 
 
 @njit(cache=True, nogil=True)

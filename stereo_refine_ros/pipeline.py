@@ -30,13 +30,15 @@ from stereo_refine_ros.levels import (
     at_full_size, grid_scale, repeated, segments_at_full_size, to_grid)
 from stereo_refine_ros.matching import check_memory, find_match
 from stereo_refine_ros.params import Params
-from stereo_refine_ros.refinement.evidence import gather_evidence
+from stereo_refine_ros.refinement.evidence import gather_evidence, match_half
 from stereo_refine_ros.refinement.filters import apply_filter
 from stereo_refine_ros.refinement.likelihood import probability
-from stereo_refine_ros.refinement.plane_stage import PlaneStage, PROJECTIONS, unfitted
+from stereo_refine_ros.refinement.plane_stage import (
+    PlaneStage, Projected, PROJECTIONS, unfitted)
 from stereo_refine_ros.refinement.steadying import FrameMemory
 from stereo_refine_ros.threads import start
-from stereo_refine_ros.types import FloatMap, Image, PairHealth, RefinementResult, StereoPair
+from stereo_refine_ros.types import (
+    FloatMap, Image, PairHealth, PlaneSegmentation, RefinementResult, StereoPair)
 
 
 class StereoRefiner:
@@ -81,21 +83,24 @@ class StereoRefiner:
         with clock.timing('matching'):
             prepared = self._examiner.prepare(pair, threads)
             pair = prepared.pair
+            half = start(threads, match_half, pair, params.matching)
             match = find_match(pair, preliminary, params.matching, threads)
-            evidence = gather_evidence(pair, match, params.matching, scale, threads)
+            given = to_grid(match.disparity.values, scale, threads)
+            evidence = gather_evidence(
+                pair, match, given, half.result(), params.matching, scale, threads)
         segments = graph.result()
         with clock.timing('planes'):
             lowest = float(params.matching.min_disparity)
+            data = given if match.subpixel is None else to_grid(match.subpixel, scale, threads)
             projected = self._project(PlaneStage(
-                to_grid(match.disparity.values, scale), to_grid(match.fit_data, scale), segments,
-                evidence, lowest, lowest + params.matching.num_disparities - 1),
-                params.planes, threads)
+                given, data, segments, evidence, lowest,
+                lowest + params.matching.num_disparities - 1), params.planes, threads)
+            beside = start(threads, _enlarged, projected, pair.shape, scale)
             values = at_full_size(projected.choice, match.disparity.values, pair.left,
                                   evidence.image, scale, threads)
         with clock.timing('filter'):
             refined = apply_filter(values, left, params.filter, threads)
-        confidence = np.ascontiguousarray(
-            repeated(probability(projected.odds), pair.shape, scale))
+        confidence, planes = beside.result()
         health = self._examiner.examine(prepared, evidence.fine,
                                         None if match.is_own else projected.choice.given)
         if self._memory is not None:
@@ -103,8 +108,7 @@ class StereoRefiner:
                 refined, confidence = self._memory.steady(
                     refined, confidence, left, health.noise_sigma, threads, match.is_own)
         return RefinementResult(
-            replace(match.disparity, values=refined), match.disparity,
-            segments_at_full_size(projected.segments, pair.shape, scale),
+            replace(match.disparity, values=refined), match.disparity, planes,
             match.lr_consistent_ratio, clock.stage_ms, clock.total_ms(), confidence, health)
 
     def preliminary_only(self, left: Image, right: Image | None,
@@ -128,6 +132,14 @@ class StereoRefiner:
         with clock.timing('segmentation'):
             image = left if scale == 1 else halve(left)
             return build_segment_graph(image, self.params.segmentation, scale)
+
+
+def _enlarged(projected: Projected, shape: tuple[int, int], scale: int,
+              ) -> tuple[FloatMap, PlaneSegmentation]:
+    """Bring the confidence and the segments of a projection from the grid to full size."""
+    confidence = repeated(probability(projected.odds), shape, scale)
+    return (np.ascontiguousarray(confidence),
+            segments_at_full_size(projected.segments, shape, scale))
 
 
 class _Clock:

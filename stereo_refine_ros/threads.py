@@ -23,10 +23,12 @@ whoever is free, and a band's result does not depend on who took it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
-from functools import lru_cache
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache, partial
 from itertools import count
-from typing import Any
+from typing import Any, Generic, TypeVar
+
+Result = TypeVar('Result')
 
 _BANDS_PER_THREAD = 2
 
@@ -57,10 +59,20 @@ def run_bands(kernel: Callable[..., Any], size: int, threads: int, *args: Any) -
             helper.result()
 
 
-def start(threads: int, task: Callable[..., Any], *args: Any) -> Future[Any]:
-    """Run a task beside the caller where there are two threads or more, else at once."""
-    if threads > 1:
-        return _pool(threads - 1).submit(task, *args)
-    done: Future[Any] = Future()
-    done.set_result(task(*args))
-    return done
+class Task(Generic[Result]):
+    """A call that runs beside the caller, or by whoever wants its result before it has begun."""
+
+    def __init__(self, threads: int, call: Callable[[], Result]) -> None:
+        self._call = call
+        self._future = _pool(threads - 1).submit(call) if threads > 1 else None
+
+    def result(self) -> Result:
+        """Return what the call returned; raises what it raised."""
+        if self._future is None or self._future.cancel():
+            return self._call()
+        return self._future.result()
+
+
+def start(threads: int, task: Callable[..., Result], *args: Any) -> Task[Result]:
+    """Run a task beside the caller where there are two threads or more."""
+    return Task(threads, partial(task, *args))

@@ -17,14 +17,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.images import Image, to_grey
+
 FloatMap = NDArray[np.float32]
 LabelMap = NDArray[np.int32]
-Image = NDArray[np.uint8]
 
 
 def require_image(name: str, image: object) -> Image:
@@ -75,6 +77,18 @@ class StereoPair:
     def shape(self) -> tuple[int, int]:
         """Height and width in pixels."""
         return self.left.shape[0], self.left.shape[1]
+
+    @cached_property
+    def left_grey(self) -> Image:
+        """The left view in grey levels, uint8 (H, W)."""
+        return to_grey(self.left)
+
+    @cached_property
+    def right_grey(self) -> Image:
+        """The right view in grey levels, uint8 (H, W)."""
+        if self.right is None:
+            raise ValueError('the pair has no right image')
+        return to_grey(self.right)
 
 
 @dataclass(frozen=True)

@@ -72,9 +72,24 @@ def test_an_error_in_any_band_is_raised(broken):
         run_bands(fail, 6, 2)
 
 
-@pytest.mark.parametrize('threads', [1, 2])
-def test_a_started_task_has_a_result(threads):
-    task = start(threads, lambda a, b: (a + b, threading.current_thread()), 2, 3)
+def test_a_started_task_runs_beside_the_caller():
+    begun = threading.Event()
+
+    def add(a, b):
+        begun.set()
+        return a + b, threading.current_thread()
+
+    task = start(2, add, 2, 3)
+    assert begun.wait(20)
     value, thread = task.result()
-    assert value == 5
-    assert (thread is threading.current_thread()) == (threads == 1)
+    assert value == 5 and thread is not threading.current_thread()
+
+
+def test_a_task_that_nobody_has_begun_is_run_by_who_wants_its_result():
+    done = threading.Event()
+    busy = start(2, done.wait, 20)
+    for threads in (1, 2):
+        task = start(threads, lambda a, b: (a + b, threading.current_thread()), 2, 3)
+        assert task.result() == (5, threading.current_thread())
+    done.set()
+    assert busy.result()

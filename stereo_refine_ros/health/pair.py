@@ -27,11 +27,10 @@ from stereo_refine_ros.health.external import fits_right_better, given_agreement
 from stereo_refine_ros.health.suspicion import CoarseLook, suspect
 from stereo_refine_ros.health.tuning import LOOK_EVERY_PAIRS, LOOK_EVERY_S
 from stereo_refine_ros.health.views import measure_views
-from stereo_refine_ros.images import to_grey
 from stereo_refine_ros.params import MatchingParams, Params
 from stereo_refine_ros.rectification import (
     measure_row_offset, RowOffset, RowOffsetTracker, significant, undo_row_offset)
-from stereo_refine_ros.types import FloatMap, Image, PairHealth, StereoPair
+from stereo_refine_ros.types import FloatMap, PairHealth, StereoPair
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,31 +78,31 @@ class PairExaminer:
         """Undo the row offset of a pair, and clear it of noise; say what was found."""
         if pair.right is None:
             return Prepared(pair, RowOffset(), PairHealth())
-        offset, views = self._measured(pair.left, pair.right)
-        if self._params.rectification.correct:
+        offset, views = self._measured(pair)
+        if self._params.rectification.correct and not offset.is_zero:
             pair = replace(pair, right=undo_row_offset(pair.right, offset, threads))
         return Prepared(clear_pair(pair, views), offset, views)
 
-    def _measured(self, left: Image, right: Image) -> tuple[RowOffset, PairHealth]:
+    def _measured(self, pair: StereoPair) -> tuple[RowOffset, PairHealth]:
         """Measure a pair, or take what has settled over the last ones."""
         if not self._params.temporal.enabled:
-            return significant(self._row_offset(left, right)), self._measure_views(left, right)
+            return significant(self._row_offset(pair)), self._measure_views(pair)
         with self._lock:
             self._pairs += 1
             if not self._tracker.wants_more and self._pairs % LOOK_EVERY_PAIRS:
                 return self._tracker.in_use, self._views
-        measured, views = self._row_offset(left, right), self._measure_views(left, right)
+        measured, views = self._row_offset(pair), self._measure_views(pair)
         with self._lock:
             self._views = views
             return self._tracker.update(measured), views
 
-    def _row_offset(self, left: Image, right: Image) -> RowOffset:
+    def _row_offset(self, pair: StereoPair) -> RowOffset:
         matching = self._params.matching
-        return measure_row_offset(to_grey(left), to_grey(right), matching.min_disparity,
+        return measure_row_offset(pair.left_grey, pair.right_grey, matching.min_disparity,
                                   matching.num_disparities)
 
-    def _measure_views(self, left: Image, right: Image) -> PairHealth:
-        return measure_views(to_grey(left), to_grey(right))
+    def _measure_views(self, pair: StereoPair) -> PairHealth:
+        return measure_views(pair.left_grey, pair.right_grey)
 
     def examine(self, prepared: Prepared, fine: FloatMap, given: FloatMap | None) -> PairHealth:
         """
@@ -122,8 +121,7 @@ class PairExaminer:
         pair = prepared.pair
         if pair.right is None:
             return PairHealth()
-        left, right = to_grey(pair.left), to_grey(pair.right)
-        look, fits_right = self._coarse_look(left, right, given)
+        look, fits_right = self._coarse_look(pair, given)
         matching = self._params.matching
         return replace(
             prepared.views, row_offset_px=prepared.offset.largest_px,
@@ -132,7 +130,7 @@ class PairExaminer:
             fits_right_better=fits_right,
             given_agreement=float('nan') if given is None else given_agreement(given, fine))
 
-    def _coarse_look(self, left: np.ndarray, right: np.ndarray, given: FloatMap | None,
+    def _coarse_look(self, pair: StereoPair, given: FloatMap | None,
                      ) -> tuple[CoarseLook, bool]:
         with self._lock:
             now = time.monotonic()
@@ -140,6 +138,7 @@ class PairExaminer:
                 return self._look, self._fits_right
             self._looked_at = now
         matching = self._params.matching
+        left, right = pair.left_grey, pair.right_grey
         look = suspect(left, right, matching.min_disparity, matching.num_disparities)
         fits_right = (given is not None and given.shape == left.shape
                       and fits_right_better(given, left, right))

@@ -21,7 +21,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from stereo_refine_ros.images import pad, to_grey
+from stereo_refine_ros.images import pad
 from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.tuning import BM_BLOCK, OPENCV_CHECKS, SGBM_BLOCK, SGBM_PREFILTER
 from stereo_refine_ros.params import MatchingParams
@@ -47,7 +47,7 @@ def match_bm(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Matc
     matcher.setSpeckleWindowSize(OPENCV_CHECKS['speckleWindowSize'])
     matcher.setSpeckleRange(OPENCV_CHECKS['speckleRange'])
     assert pair.right is not None
-    return _match(matcher, to_grey(pair.left), to_grey(pair.right), params)
+    return _match(matcher, pair.left_grey, pair.right_grey, params)
 
 
 def _rounded(params: MatchingParams) -> int:

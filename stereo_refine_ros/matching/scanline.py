@@ -21,11 +21,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.images import halve, to_grey
+from stereo_refine_ros.images import halve
 from stereo_refine_ros.matching.features import feature_planes, flat_steps
 from stereo_refine_ros.matching.islands import without_islands
 from stereo_refine_ros.matching.match import Match
-from stereo_refine_ros.matching.scanline_paths import band_kernel, work_size
+from stereo_refine_ros.matching.scanline_paths import (
+    band_kernel, totals_size, work_size)
 from stereo_refine_ros.matching.scratch import scratch
 from stereo_refine_ros.matching.tuning import (
     CENSUS_CAP, EDGE_FACTOR, EDGE_STEP, FULL_RANGE, GRADIENT_CAP, OUT_OF_VIEW, PENALTIES, WINDOW)
@@ -39,8 +40,9 @@ __all__ = ['Scan', 'match_scanline', 'scan', 'without_islands']
 
 # Powers of two: vectors of other widths are taken apart, 96 lanes cost more than 128 do.
 _LANES = (32, 64, 128, 256)
-# Fixed, so that the result does not depend on the number of threads.
-_BANDS = 4
+# Rows of a band, about: by the height alone, so that the result does not depend on the number of
+# threads. Each band matches RUN_UP rows above and below it once more.
+_BAND_ROWS = 160
 _ONE_WINDOW = np.zeros((1, 1), np.int32)
 
 
@@ -52,7 +54,8 @@ class Scan:
     Attributes
     ----------
     disparity : float32 ndarray of shape (H, W)
-        Sub-pixel, left view; NaN where both views disagree.
+        Sub-pixel, left view; NaN where both views disagree, or where another disparity fits as
+        well, as on a plain wall.
     uniqueness : float32 ndarray of shape (H, W), 0..2
         By how much the winner beats all disparities farther than 2 from it.
     right : float32 ndarray of shape (H, W)
@@ -69,17 +72,12 @@ def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1) -
     """
     Match by scanline optimisation.
 
-    `disparity` is sub-pixel and NaN where left and right winners differ by more than a step, and
-    in small islands.
+    `disparity` is sub-pixel and NaN where left and right winners differ by more than a step,
+    where another fits as well, and in small islands.
     """
     found = scan(pair, params.min_disparity, params.num_disparities, threads)
-    values = reliable(found)
+    values = without_islands(found.disparity)
     return Match(DisparityMap(values, params.min_disparity, params.num_disparities), scan=found)
-
-
-def reliable(found: Scan) -> FloatMap:
-    """Drop what any other disparity fits as well, as on a plain wall, and small islands."""
-    return without_islands(np.where(found.uniqueness > 0, found.disparity, np.float32(np.nan)))
 
 
 def scan(pair: StereoPair, min_disparity: int, num_disparities: int, threads: int = 1,
@@ -130,22 +128,24 @@ def scan_windows(pair: StereoPair, min_disparity: int, num_disparities: int,
     outside[margin:margin + width] = 0
     out = tuple(np.empty((height, width), np.float32) for _ in range(3))
     working = work_size(width, lanes, base.shape[0] > 1)
-    totals = 4 * width * lanes
+    totals = totals_size(width, lanes)
     with scratch(PLANES * size) as left, scratch(PLANES * size) as right:
-        right_task = start(threads, feature_planes, to_grey(pair.right), True, margin, right)
-        feature_planes(to_grey(pair.left), False, margin, left)
+        right_task = start(threads, feature_planes, pair.right_grey, True, margin, right)
+        feature_planes(pair.left_grey, False, margin, left)
         flat = flat_steps(pair.left, edge_step)
         right_task.result()
         args = ((0,) * (lanes // LANES_PER_ITEM), (left, right, mask, outside, size), base, flat,
                 ((GRADIENT_CAP, CENSUS_CAP), _penalties(), min_disparity, margin,
                  num_disparities - 1))
 
+        count = max(2, round(height / _BAND_ROWS))
+
         def bands(first: int, last: int) -> None:
             for band in range(first, last):
                 with scratch(totals + working) as work:
-                    band_kernel(height * band // _BANDS, height * (band + 1) // _BANDS, *args,
+                    band_kernel(height * band // count, height * (band + 1) // count, *args,
                                 (work[totals:], work[:totals].view(np.uint16)), out)
-        run_bands(bands, _BANDS, threads)
+        run_bands(bands, count, threads)
     return Scan(*out)
 
 

@@ -26,8 +26,8 @@ else:
 
 
 @njit(cache=True, nogil=True)
-def match_row(y, lanes, views, base, settings, cost, to, column, here, there, stride, least, plan,
-              kept, keep_at):
+def match_row(y, lanes, views, base, settings, cost, to, column, before, stride, least, plan, kept,
+              keep_at):
     """Find the costs of a row, and take the path along its columns over it."""
     limits, _, min_disparity, margin, _ = settings
     left, right, mask, outside, size = views
@@ -42,8 +42,8 @@ def match_row(y, lanes, views, base, settings, cost, to, column, here, there, st
         least[x] = match_column(
             lanes, left, right, size, mask, outside, limits[0], limits[1], begin + x,
             begin + seat, margin + seat, cost, to + x * lane_count, column,
-            here + np.int64(plan[4, x]), np.int64(least[x]), large & 255, large >> 8,
-            there + x * stride, kept, keep_at + x * lane_count)
+            np.int64(plan[4, x]), np.int64(least[x]), large & 255, large >> 8,
+            before + x * stride, kept, keep_at + x * lane_count)
 
 
 @njit(cache=True, nogil=True)

@@ -29,7 +29,6 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.images import to_grey
 from stereo_refine_ros.quality.image_metrics import psnr, ssim
 from stereo_refine_ros.types import FloatMap, Image, StereoPair
 
@@ -95,7 +94,7 @@ def compare_photometric(pair: StereoPair, before: FloatMap, after: FloatMap
     nothing = Photometric(math.nan, math.nan)
     if pair.right is None:
         return nothing, nothing
-    left, right = to_grey(pair.left), to_grey(pair.right)
+    left, right = pair.left_grey, pair.right_grey
     (first, first_seen), (second, second_seen) = (
         warp_right(right, values) for values in (before, after))
     counted = first_seen & second_seen & visible_pixels(after)

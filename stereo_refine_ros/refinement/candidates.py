@@ -38,13 +38,19 @@ def propose(given: FloatMap, planes: PlaneMap, evidence: Evidence) -> FloatMap:
     -------
     float32 ndarray of shape (K, H, W), no NaN unless nothing was given
         The given map with its holes filled from the background; the plane of the segment; the
-        planes beside a hole, behind and in front; the checked matches at full and at half
-        resolution. Where one has nothing to say, it repeats the first.
+        planes beside a hole, behind and in front; the checked matches at full resolution, where
+        the given map is another, and at half. Where one has nothing to say, it repeats the first.
 
     """
     background = fill_from_background(given)
     others = [planes.values, planes.behind, planes.before]
     if evidence.has_right:
-        others += [evidence.fine, evidence.coarse]
-    return np.stack([background] + [
-        np.where(np.isnan(other), background, other) for other in others]).astype(np.float32)
+        if evidence.fine is not given:  # else it is the first already
+            others.append(evidence.fine)
+        others.append(evidence.coarse)
+    maps = np.empty((1 + len(others), *given.shape), np.float32)
+    maps[0] = background
+    for to, other in zip(maps[1:], others, strict=True):
+        np.copyto(to, other)
+        np.copyto(to, background, where=np.isnan(other))
+    return maps

@@ -21,17 +21,18 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.graph.support import sweep
+from stereo_refine_ros.graph.support import mean_of_alike
 from stereo_refine_ros.images import to_grey
 from stereo_refine_ros.refinement.likelihood import roughness
 from stereo_refine_ros.refinement.tuning import (
     ALIKE, MARGIN_GIVEN, MARGIN_HOLE, MARGIN_SLOPE, MARGINS, PLAIN_CONTRAST,
     PLAIN_ODDS, PLAIN_PARTS, SETTLE_SIGMA, VOTE_SIGMA)
+from stereo_refine_ros.threads import run_bands, start
 from stereo_refine_ros.types import FloatMap, Image
 
 
 def choose(maps: FloatMap, odds: FloatMap, given: FloatMap, weights: NDArray[np.uint8],
-           ) -> NDArray[np.intp]:
+           threads: int = 1) -> NDArray[np.uint8]:
     """
     Choose a candidate for every pixel.
 
@@ -49,21 +50,35 @@ def choose(maps: FloatMap, odds: FloatMap, given: FloatMap, weights: NDArray[np.
         NaN where nothing was given.
     weights : uint8 ndarray of shape (H, W, 2)
         Edge weights of the image's pixel graph: who counts as a neighbour.
+    threads : int
+        Bands of rows side by side.
 
     Returns
     -------
-    intp ndarray of shape (H, W), 0..K - 1
+    uint8 ndarray of shape (H, W), 0..K - 1
 
     """
-    which, gain = np.empty(given.shape, np.intp), np.empty(given.shape, np.float32)
-    _best_other_kernel(maps, odds, which, gain)
-    is_given = np.isfinite(given)
-    mean = _averaged(np.where(is_given, gain, np.float32(-np.inf)), weights)
-    is_likelier = np.where(is_given, mean > _margin(given), gain > MARGIN_HOLE)
-    return np.where(is_likelier, which, 0)
+    height = len(given)
+    margin = start(threads, _margin, given)
+    which = np.empty(given.shape, np.uint8)
+    gain, total, count = np.empty((3, *given.shape), np.float32)
+    run_bands(_best_other_kernel, height, threads, maps, odds, given, which, gain, total, count)
+    mean = mean_of_alike(total, count, weights, VOTE_SIGMA, threads)
+    run_bands(_decide_kernel, height, threads, gain, mean, count, given, np.float32(MARGIN_HOLE),
+              np.float32(margin.result()), which)
+    return which
 
 
-def settle(odds: FloatMap, weights: NDArray[np.uint8], image: Image) -> FloatMap:
+def take(candidates: FloatMap, which: NDArray[np.uint8]) -> FloatMap:
+    """Pick from candidates, float32 (K, H, W), the one that was chosen at every pixel."""
+    taken = candidates[0].copy()
+    for k in range(1, len(candidates)):
+        np.copyto(taken, candidates[k], where=which == k)
+    return taken
+
+
+def settle(odds: FloatMap, weights: NDArray[np.uint8], image: Image,
+           threads: int = 1) -> FloatMap:
     """
     Let the log-odds of neighbours of like colour count half: errors seldom come alone.
 
@@ -78,12 +93,13 @@ def settle(odds: FloatMap, weights: NDArray[np.uint8], image: Image) -> FloatMap
         Edge weights of the image's pixel graph.
     image : uint8 ndarray of shape (H, W) or (H, W, 3)
         The left view on the same grid.
+    threads : int
+        Bands of rows side by side.
 
     """
-    ones = np.ones_like(odds)
-    mean = (sweep(odds, weights, SETTLE_SIGMA) + odds) / (
-        sweep(ones, weights, SETTLE_SIGMA) + ones)
-    return np.float32(0.5) * (odds + mean) - np.float32(PLAIN_ODDS) * _is_plain(image)
+    is_plain = start(threads, _is_plain, image)
+    mean = mean_of_alike(odds, np.ones_like(odds), weights, SETTLE_SIGMA, threads)
+    return np.float32(0.5) * (odds + mean) - np.float32(PLAIN_ODDS) * is_plain.result()
 
 
 def _is_plain(image: Image) -> NDArray[np.bool_]:
@@ -104,24 +120,38 @@ def _margin(given: FloatMap) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _best_other_kernel(maps, odds, which, gain):
-    """Find the likeliest candidate that differs from the first, and its gain; else -inf."""
-    count, height, width = maps.shape
-    which[:] = 0
-    gain[:] = -np.inf
-    for y in range(height):
-        for k in range(1, count):
+def _best_other_kernel(start, stop, maps, odds, given, which, gain, total, count):
+    """
+    Find the likeliest candidate that differs from the first, and its gain, -inf where none does.
+
+    `total` and `count` are that gain and 1 at the given pixels that have one, else 0.
+    """
+    number, _, width = maps.shape
+    none = np.float32(-np.inf)
+    for y in range(start, stop):
+        chosen, best, total_row, count_row, known = which[y], gain[y], total[y], count[y], given[y]
+        first, first_odds = maps[0, y], odds[0, y]
+        chosen[:] = 0
+        best[:] = none
+        for k in range(1, number):
+            here, here_odds = maps[k, y], odds[k, y]
             for x in range(width):
-                more = odds[k, y, x] - odds[0, y, x]
-                if more > gain[y, x] and abs(maps[k, y, x] - maps[0, y, x]) > ALIKE:
-                    which[y, x], gain[y, x] = k, more
+                more = here_odds[x] - first_odds[x]
+                is_better = more > best[x] and abs(here[x] - first[x]) > np.float32(ALIKE)
+                best[x] = more if is_better else best[x]
+                chosen[x] = np.uint8(k) if is_better else chosen[x]
+        for x in range(width):
+            has_one = best[x] > none and not np.isnan(known[x])
+            total_row[x] = best[x] if has_one else np.float32(0)
+            count_row[x] = np.float32(1) if has_one else np.float32(0)
 
 
-def _averaged(gain: FloatMap, weights: NDArray[np.uint8]) -> FloatMap:
-    """Mean gain over the neighbours of like colour that have one; -inf where there is none."""
-    has_one = np.isfinite(gain)
-    count = has_one.astype(np.float32)
-    total = np.where(has_one, gain, np.float32(0))
-    mean = (sweep(total, weights, VOTE_SIGMA) + total) / (
-        sweep(count, weights, VOTE_SIGMA) + count + np.float32(1e-3))
-    return np.where(has_one, mean, np.float32(-np.inf))
+@njit(cache=True, nogil=True)
+def _decide_kernel(start, stop, gain, mean, count, given, hole_margin, margin, which):
+    for y in range(start, stop):
+        for x in range(gain.shape[1]):
+            if np.isnan(given[y, x]):
+                is_likelier = gain[y, x] > hole_margin
+            else:
+                is_likelier = count[y, x] > 0 and mean[y, x] > margin
+            which[y, x] = which[y, x] if is_likelier else np.uint8(0)

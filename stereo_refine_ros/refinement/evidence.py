@@ -16,48 +16,58 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stereo_refine_ros.images import halve
 from stereo_refine_ros.levels import halve_pair, repeated, to_grid
 from stereo_refine_ros.matching.match import Match
-from stereo_refine_ros.matching.scanline import reliable, scan, Scan  # noqa: I101
+from stereo_refine_ros.matching.scanline import scan, Scan, without_islands  # noqa: I101
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.refinement.likelihood import Evidence
 from stereo_refine_ros.types import FloatMap, Image, StereoPair
 
 
-def gather_evidence(pair: StereoPair, match: Match, params: MatchingParams, scale: int,
-                    threads: int = 1) -> Evidence:
+@dataclass(frozen=True, eq=False)
+class HalfMatch:
+    """The left view at half size, and its match there, in pixels of the full size."""
+
+    image: Image
+    scan: Scan
+
+
+def match_half(pair: StereoPair, params: MatchingParams) -> HalfMatch | None:
+    """Match a pair at half resolution; None without a right view."""
+    if pair.right is None:
+        return None
+    first, count = params.min_disparity, params.num_disparities
+    half = halve_pair(pair)
+    found = scan(half, first // 2, -(-count // 2))
+    disparity = np.clip(2 * without_islands(found.disparity), first, first + count - 1)
+    return HalfMatch(half.left, replace(found, disparity=disparity, right=2 * found.right))
+
+
+def gather_evidence(pair: StereoPair, match: Match, given: FloatMap, half: HalfMatch | None,
+                    params: MatchingParams, scale: int, threads: int = 1) -> Evidence:
     """
-    Match a pair at both resolutions, and lay the matches out on the grid.
+    Lay the matches at both resolutions out on the grid.
 
     The scanline matcher has matched at full resolution already. Without a right view the map
-    given is its own and only witness.
+    given is its own and only witness. `given` is the map of `match` on the grid.
     """
-    if pair.right is None:
-        return _alone(pair.left, match.disparity.values, scale)
-    first, count = params.min_disparity, params.num_disparities
-    fine = match.scan or scan(pair, first, count, threads)
-    half = halve_pair(pair)
-    coarse = _doubled(scan(half, first // 2, -(-count // 2), threads), first, count)
-    values = match.disparity.values if match.scan else reliable(fine)
+    if half is None:
+        return _alone(pair.left if scale == 1 else halve(pair.left), given, scale)
+    fine = match.scan or scan(pair, params.min_disparity, params.num_disparities, threads)
+    coarse = half.scan
+    values = given if match.scan else to_grid(without_islands(fine.disparity), scale, threads)
     if scale == 2:
-        return Evidence(half.left, 2, to_grid(values, 2), coarse.disparity,
+        return Evidence(half.image, 2, values, coarse.disparity,
                         np.ascontiguousarray(fine.uniqueness[::2, ::2]), coarse.right)
     return Evidence(pair.left, 1, values, repeated(coarse.disparity, pair.shape, 2),
                     fine.uniqueness, fine.right)
 
 
-def _doubled(found: Scan, first: int, count: int) -> Scan:
-    """Turn a match of half-size images into full-size pixels of the range, islands dropped."""
-    disparity = np.clip(2 * reliable(found), first, first + count - 1)
-    return replace(found, disparity=disparity, right=2 * found.right)
-
-
-def _alone(left: Image, given: FloatMap, scale: int) -> Evidence:
-    image, values = (left, given) if scale == 1 else (halve(left), to_grid(given, 2))
-    nothing = np.full(values.shape, np.nan, np.float32)
-    return Evidence(image, scale, values, nothing, np.zeros_like(values), nothing, False)
+def _alone(image: Image, given: FloatMap, scale: int) -> Evidence:
+    nothing = np.full(given.shape, np.nan, np.float32)
+    return Evidence(image, scale, given, nothing, np.zeros_like(given), nothing, False)

@@ -30,6 +30,7 @@ from stereo_refine_ros.images import to_grey
 from stereo_refine_ros.params import FilterParams
 from stereo_refine_ros.refinement.trilateral import trilateral
 from stereo_refine_ros.refinement.weighted_median import weighted_median
+from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, Image
 
 Filter = Callable[[FloatMap, Image, FilterParams, int], FloatMap]
@@ -78,8 +79,16 @@ def _box(values: FloatMap, guide: Image, params: FilterParams, threads: int = 1)
 def _median(values: FloatMap, guide: Image, params: FilterParams, threads: int = 1) -> FloatMap:
     """Take the median: OpenCV's where it can, else the weighted one with equal weights."""
     if params.radius <= 2 and np.isfinite(values).all():
-        return cv2.medianBlur(values, 2 * params.radius + 1)
+        out = np.empty_like(values)
+        run_bands(_median_rows, len(values), threads, values, params.radius, out)
+        return out
     return weighted_median(values, guide, params.radius, np.inf, np.inf, threads)
+
+
+def _median_rows(start: int, stop: int, values: FloatMap, radius: int, out: FloatMap) -> None:
+    first = max(start - radius, 0)
+    medians = cv2.medianBlur(values[first:stop + radius], 2 * radius + 1)
+    out[start:stop] = medians.reshape(-1, values.shape[1])[start - first:stop - first]
 
 
 def _weighted_median(values: FloatMap, guide: Image, params: FilterParams,

@@ -31,9 +31,11 @@ TPAMI 2012. M. Poggi et al., "On the confidence of stereo matching in a deep-lea
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from stereo_refine_ros.refinement.likelihood_kernels import (
     judge_kernel, NONE, roughness_kernel)
@@ -48,7 +50,6 @@ FEATURES = (
     'smooth_given', 'smooth_ungiven', 'fine_near', 'coarse_far', 'uniqueness', 'bend', 'step',
     'transparent', 'unseen', 'hole', 'hole_vote', 'hole_plane', 'uniqueness_around',
     'disagreement_around')
-_COUNT = len(FEATURES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +104,45 @@ class PlaneMap:
     before: FloatMap
 
 
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """What the map given and the evidence say around every pixel, laid out for the kernel."""
+
+    image: NDArray[np.uint8]
+    inside: FloatMap
+    given: FloatMap
+    fine: FloatMap
+    coarse: FloatMap
+    right: FloatMap
+    local: FloatMap
+    unique_around: FloatMap
+    disagreement: FloatMap
+
+
+def survey(given: FloatMap, evidence: Evidence) -> Survey:
+    """Gather what judging needs and no plane changes; `given` as in `log_odds`."""
+    reach = int(np.abs(RING).max())
+    border = reach, reach, reach, reach
+    channels = evidence.image.reshape(*given.shape, -1)
+    window = (AROUND_WINDOW, AROUND_WINDOW)
+    apart = np.minimum(np.nan_to_num(np.abs(evidence.fine - evidence.coarse), nan=1.0), 2)
+    return Survey(
+        image=np.stack([cv2.copyMakeBorder(np.ascontiguousarray(channels[..., c]), *border,
+                                           cv2.BORDER_REPLICATE)
+                        for c in range(channels.shape[2])]),
+        inside=_inside(given.shape, reach),
+        given=_filled(given),
+        fine=cv2.copyMakeBorder(_filled(evidence.fine), *border, cv2.BORDER_CONSTANT,
+                                value=float(NONE)),
+        coarse=_filled(evidence.coarse),
+        right=_filled(evidence.right),
+        local=_local_roughness(given),
+        unique_around=cv2.blur(evidence.uniqueness, window, borderType=cv2.BORDER_REFLECT),
+        disagreement=cv2.blur(apart.astype(np.float32), window, borderType=cv2.BORDER_REFLECT))
+
+
 def log_odds(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evidence,
-             threads: int = 1) -> FloatMap:
+             threads: int = 1, surveyed: Survey | None = None) -> FloatMap:
     """
     Judge candidate maps pixel by pixel.
 
@@ -118,6 +156,8 @@ def log_odds(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Eviden
         On the same grid.
     threads : int
         Bands of rows side by side.
+    surveyed : Survey, optional
+        Of `given` and `evidence`, where it was made before.
 
     Returns
     -------
@@ -127,18 +167,23 @@ def log_odds(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Eviden
     """
     table = np.array(PAIR if evidence.has_right else ALONE, np.float32)
     out = np.empty_like(maps)
-    run_bands(judge_kernel, maps.shape[1], threads, *_arguments(maps, given, planes, evidence),
-              table, out, np.empty((0, 0, 0, 0), np.float32))
+    arguments = _arguments(maps, surveyed or survey(given, evidence), planes, evidence)
+    run_bands(judge_kernel, maps.shape[1], threads, *arguments, table, out)
     return out
 
 
 def features_at(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evidence,
                 ) -> FloatMap:
-    """Return what the model looks at, float32 (K, H, W, F): to fit it."""
-    out = np.empty((*maps.shape, _COUNT), np.float32)
-    judge_kernel(0, maps.shape[1], *_arguments(maps, given, planes, evidence),
-                  np.zeros(_COUNT, np.float32), np.empty_like(maps), out)  # noqa: E127
-    return out
+    """
+    Return what the model looks at, float32 (K, H, W, F): to fit it.
+
+    A candidate that is as good as the first is looked at as the first is.
+    """
+    arguments = _arguments(maps, survey(given, evidence), planes, evidence)
+    out = np.empty((len(FEATURES), *maps.shape), np.float32)
+    for unit, feature in zip(np.eye(len(FEATURES), dtype=np.float32), out, strict=True):
+        judge_kernel(0, maps.shape[1], *arguments, unit, feature)
+    return np.moveaxis(out, 0, -1)
 
 
 def probability(odds: FloatMap) -> FloatMap:
@@ -157,27 +202,22 @@ def roughness(values: FloatMap) -> FloatMap:
     return bend
 
 
-def _arguments(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evidence,
+def _arguments(maps: FloatMap, known: Survey, planes: PlaneMap, evidence: Evidence,
                ) -> tuple[object, ...]:
-    reach = int(np.abs(RING).max())
     distance = np.hypot(RING[:, 0], RING[:, 1]) * evidence.scale
     allowed = (REACH + REACH_GROWTH * distance).astype(np.float32)
-    channels = evidence.image.reshape(*given.shape, -1)
-    planes_of_image = np.stack([
-        cv2.copyMakeBorder(np.ascontiguousarray(channels[..., c]), reach, reach, reach, reach,
-                           cv2.BORDER_REPLICATE) for c in range(channels.shape[2])])
-    fine = cv2.copyMakeBorder(_filled(evidence.fine), reach, reach, reach, reach,
-                              cv2.BORDER_CONSTANT, value=float(NONE))
-    inside = cv2.copyMakeBorder(np.ones(given.shape, np.float32), reach, reach, reach, reach,
-                                cv2.BORDER_CONSTANT, value=0.0)
-    local = _local_roughness(given)
-    window = (AROUND_WINDOW, AROUND_WINDOW)
-    unique_around = cv2.blur(evidence.uniqueness, window, borderType=cv2.BORDER_REFLECT)
-    apart = np.minimum(np.nan_to_num(np.abs(evidence.fine - evidence.coarse), nan=1.0), 2)
-    disagreement = cv2.blur(apart.astype(np.float32), window, borderType=cv2.BORDER_REFLECT)
-    return (maps, _filled(given), _filled(planes.values), planes.quality, fine, inside,
-            _filled(evidence.coarse), evidence.uniqueness, _filled(evidence.right), local,
-            unique_around, disagreement, planes_of_image, RING, allowed, evidence.scale)
+    return (maps, known.given, _filled(planes.values), planes.quality, known.fine, known.inside,
+            known.coarse, evidence.uniqueness, known.right, known.local, known.unique_around,
+            known.disagreement, known.image, RING, allowed, evidence.scale)
+
+
+@lru_cache(maxsize=4)
+def _inside(shape: tuple[int, int], reach: int) -> FloatMap:
+    """1 inside the image, 0 on a border of `reach` pixels around it."""
+    inside = np.zeros((shape[0] + 2 * reach, shape[1] + 2 * reach), np.float32)
+    inside[reach:-reach, reach:-reach] = 1
+    inside.setflags(write=False)
+    return inside
 
 
 def _filled(values: FloatMap) -> FloatMap:

@@ -38,85 +38,129 @@ def roughness_kernel(values, bend):
 @njit(cache=True, nogil=True, error_model='numpy')
 def judge_kernel(start, stop, maps, given, plane, quality, fine, inside, coarse, uniqueness,
                   right, local, unique_around, disagreement, image, ring, allowed,  # noqa: E127
-                  scale, table, odds, features):  # noqa: E127
-    """Fill rows start..stop of `odds`; and of `features` (K, H, W, F), if asked."""
-    count, _, width = maps.shape
+                  scale, table, odds):  # noqa: E127
+    """Fill rows start..stop of `odds` (K, H, W)."""
+    count, height, width = maps.shape
     reach = (fine.shape[1] - width) // 2
     weight = np.empty(width, np.float32)
     known, every = np.empty(width, np.float32), np.empty(width, np.float32)
     agreeing = np.empty((count, width), np.float32)
+    beside, seen = np.empty(width + 4, np.float32), np.empty(width, np.float32)
+    partner = np.empty(width, np.int32)
     for y in range(start, stop):
         _count_votes(y, reach, maps, fine, inside, image, ring, allowed, weight, known, every,
                      agreeing)
+        matched = fine[y + reach, reach:reach + width]
         for k in range(count):
-            for x in range(width):
-                z = maps[k, y, x]
-                # What is as good as the first needs no judgement of its own.
-                if k > 0 and features.shape[0] == 0 and abs(z - maps[0, y, x]) <= ALIKE:
-                    odds[k, y, x] = odds[0, y, x]
-                    continue
-                partner = int(np.floor(x - z / scale + np.float32(0.5)))
-                is_seen = 0 <= partner < width
-                seen = right[y, partner] if is_seen else NONE
-                g, p, f, c = given[y, x], plane[y, x], fine[y + reach, x + reach], coarse[y, x]
-                residual = min(abs(p - z), np.float32(1))
-                q = quality[y, x]
-                is_given = g > NONE
-                is_near = is_given and abs(g - z) <= 1
-                f_near = max(np.float32(0), np.float32(1) - abs(f - z))
-                vote = (agreeing[k, x] + np.float32(0.5)) / (
-                    known[x] + np.float32(1)) - np.float32(0.5)
-                is_hole = np.float32(0) if is_given else np.float32(1)
-                values = (
-                    np.float32(1),
-                    vote,
-                    known[x] / max(every[x], np.float32(1e-6)) - np.float32(0.5),
-                    q * (np.float32(1) - residual),
-                    q if residual >= 1 else np.float32(0),
-                    residual,
-                    np.float32(1) if is_given and not is_near else np.float32(0),
-                    local[y, x] if is_near else np.float32(0),
-                    local[y, x] if is_given and not is_near else np.float32(0),
-                    f_near,
-                    np.float32(1) if c > NONE and abs(c - z) > 1 else np.float32(0),
-                    uniqueness[y, x] if f_near > 0 else np.float32(0),
-                    _bend(maps[k], y, x),
-                    _step(maps[k], y, x),
-                    np.float32(1) if seen > NONE and seen < z - 1 else np.float32(0),
-                    np.float32(0) if is_seen else np.float32(1),
-                    is_hole,
-                    is_hole * vote,
-                    is_hole * q * (np.float32(1) - residual),
-                    unique_around[y, x],
-                    disagreement[y, x])
-                total = np.float32(0)
-                for i in range(len(values)):
-                    total += values[i] * table[i]
-                odds[k, y, x] = total
-                if features.shape[0] > 0:
-                    for i in range(len(values)):
-                        features[k, y, x, i] = values[i]
+            here, total = maps[k, y], odds[k, y]
+            beside[2:width + 2] = here
+            beside[:2] = here[0]
+            beside[width + 2:] = here[width - 1]
+            _by_votes(agreeing[k], known, every, given[y], table, total)
+            _by_planes(here, plane[y], quality[y], given[y], table, total)
+            _by_the_map(here, given[y], local[y], table, total)
+            _by_matches(here, matched, coarse[y], uniqueness[y], table, total)
+            _by_surroundings(unique_around[y], disagreement[y], table, total)
+            _by_bend(here, maps[k, max(y - 1, 0)], maps[k, min(y + 1, height - 1)], beside, table,
+                     total)
+            _by_step(here, maps[k, max(y - 2, 0)], maps[k, min(y + 2, height - 1)], beside, table,
+                     total)
+            _by_right_view(here, right[y], np.float32(scale), partner, seen, table, total)
+            if k > 0:  # what is as good as the first needs no judgement of its own
+                _as_the_first(here, maps[0, y], odds[0, y], total)
 
 
-@njit(cache=True, nogil=True, inline='always')
-def _bend(z, y, x):
-    """Mean of both second differences at a pixel, each at most 1 px."""
-    height, width = z.shape
-    up, down = z[max(y - 1, 0), x], z[min(y + 1, height - 1), x]
-    left, right = z[y, max(x - 1, 0)], z[y, min(x + 1, width - 1)]
-    twice, one = np.float32(2) * z[y, x], np.float32(1)
-    return np.float32(0.5) * (min(abs(up + down - twice), one)
-                              + min(abs(left + right - twice), one))
+# A loop over few arrays and without jumps fills vector registers; hence one for every kind of
+# evidence, each of which adds its part. `table` is in the order of likelihood.FEATURES.
+@njit(cache=True, nogil=True, error_model='numpy')
+def _by_votes(agreeing, known, every, given, table, total):
+    half, one = np.float32(0.5), np.float32(1)
+    for x in range(total.shape[0]):
+        vote = (agreeing[x] + half) / (known[x] + one) - half
+        hole = np.float32(0) if given[x] > NONE else one
+        total[x] = (table[0] + table[1] * vote
+                    + table[2] * (known[x] / max(every[x], np.float32(1e-6)) - half)
+                    + table[16] * hole + table[17] * (hole * vote))
 
 
-@njit(cache=True, nogil=True, inline='always')
-def _step(z, y, x):
-    """1 where the map steps between a pixel and those two away, else 0."""
-    height, width = z.shape
-    here = z[y, x]
-    most = max(max(abs(z[max(y - 2, 0), x] - here), abs(z[min(y + 2, height - 1), x] - here)),
-               max(abs(z[y, max(x - 2, 0)] - here), abs(z[y, min(x + 2, width - 1)] - here)))
-    return np.float32(1) if most > STEP else np.float32(0)
+@njit(cache=True, nogil=True)
+def _by_planes(here, plane, quality, given, table, total):
+    nothing, one = np.float32(0), np.float32(1)
+    for x in range(total.shape[0]):
+        residual = min(abs(plane[x] - here[x]), one)
+        near = quality[x] * (one - residual)
+        hole = nothing if given[x] > NONE else one
+        total[x] += (table[3] * near
+                     + table[4] * (quality[x] if residual >= one else nothing)
+                     + table[5] * residual + table[18] * (hole * near))
+
+
+@njit(cache=True, nogil=True)
+def _by_the_map(here, given, local, table, total):
+    nothing = np.float32(0)
+    for x in range(total.shape[0]):
+        is_near = abs(given[x] - here[x]) <= np.float32(1)
+        smooth = table[7] * local[x]
+        far = table[6] + table[8] * local[x]
+        part = smooth if is_near else far
+        total[x] += part if given[x] > NONE else nothing
+
+
+@njit(cache=True, nogil=True)
+def _by_matches(here, fine, coarse, uniqueness, table, total):
+    nothing, one = np.float32(0), np.float32(1)
+    for x in range(total.shape[0]):
+        near = max(nothing, one - abs(fine[x] - here[x]))
+        is_off = coarse[x] > NONE and abs(coarse[x] - here[x]) > one
+        total[x] += (table[9] * near + table[10] * (one if is_off else nothing)
+                     + table[11] * (uniqueness[x] if near > nothing else nothing))
+
+
+@njit(cache=True, nogil=True)
+def _by_surroundings(unique_around, disagreement, table, total):
+    for x in range(total.shape[0]):
+        total[x] += table[19] * unique_around[x] + table[20] * disagreement[x]
+
+
+@njit(cache=True, nogil=True)
+def _by_bend(here, above, below, beside, table, total):
+    """Mean of both second differences of the map, each at most 1 px."""
+    half, one, two = np.float32(0.5), np.float32(1), np.float32(2)
+    for x in range(total.shape[0]):
+        down = min(abs(above[x] + below[x] - two * here[x]), one)
+        across = min(abs(beside[x + 1] + beside[x + 3] - two * here[x]), one)
+        total[x] += table[12] * (half * (down + across))
+
+
+@njit(cache=True, nogil=True)
+def _by_step(here, above, below, beside, table, total):
+    """Whether the map steps between a pixel and those two away."""
+    for x in range(total.shape[0]):
+        down = max(abs(above[x] - here[x]), abs(below[x] - here[x]))
+        across = max(abs(beside[x] - here[x]), abs(beside[x + 4] - here[x]))
+        total[x] += table[13] if max(down, across) > np.float32(STEP) else np.float32(0)
+
+
+@njit(cache=True, nogil=True)
+def _by_right_view(here, right, scale, partner, seen, table, total):
+    """Whether the right view sees the pixel, and something behind what is said to be there."""
+    width = total.shape[0]
+    first, last = np.int32(0), np.int32(width - 1)
+    for x in range(width):
+        partner[x] = np.int32(np.floor(np.float32(x) - here[x] / scale + np.float32(0.5)))
+    for x in range(width):
+        seen[x] = right[np.uint32(min(max(partner[x], first), last))]
+    for x in range(width):
+        is_seen = partner[x] >= first and partner[x] <= last
+        is_behind = seen[x] > NONE and seen[x] < here[x] - np.float32(1)
+        part = table[14] if is_behind else np.float32(0)
+        total[x] += part if is_seen else table[15]
+
+
+@njit(cache=True, nogil=True)
+def _as_the_first(here, first, first_odds, odds):
+    for x in range(here.shape[0]):
+        odds[x] = first_odds[x] if abs(here[x] - first[x]) <= np.float32(ALIKE) else odds[x]
 
 
 # The order of these sums does not matter, so that they fill vector registers.

@@ -31,13 +31,14 @@ from stereo_refine_ros.graph.segment_graph import SegmentGraph
 from stereo_refine_ros.levels import Choice
 from stereo_refine_ros.params import PlaneParams
 from stereo_refine_ros.refinement.candidates import propose
-from stereo_refine_ros.refinement.choice import choose, settle
+from stereo_refine_ros.refinement.choice import choose, settle, take
 from stereo_refine_ros.refinement.filling import fill_from_background
-from stereo_refine_ros.refinement.likelihood import Evidence, log_odds, PlaneMap
+from stereo_refine_ros.refinement.likelihood import Evidence, log_odds, PlaneMap, survey
 from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar
 from stereo_refine_ros.refinement.planes import fit_planes
 from stereo_refine_ros.refinement.projection import fill_along_planes, plane_disparities
 from stereo_refine_ros.refinement.tuning import ADOPTED_QUALITY
+from stereo_refine_ros.threads import start
 from stereo_refine_ros.types import FloatMap, LabelMap, PlaneSegmentation
 
 
@@ -106,7 +107,7 @@ def project_full(stage: PlaneStage, params: PlaneParams, threads: int = 1) -> Pr
     unbounded = np.concatenate([planes[:, :3], np.full((len(planes), 2), np.inf)], axis=1)
     unbounded[:, 3] *= -1
     values = plane_disparities(
-        stage.graph.labels, unbounded, stage.lowest, stage.highest)
+        stage.graph.labels, unbounded, stage.lowest, stage.highest, threads)
     segments = PlaneSegmentation(
         stage.graph.labels, np.ascontiguousarray(planes[:, :3]), is_fitted, fits.inlier_ratio)
     quality = np.where(is_fitted, fits.inlier_ratio, 0).astype(np.float32)[stage.graph.labels]
@@ -116,16 +117,16 @@ def project_full(stage: PlaneStage, params: PlaneParams, threads: int = 1) -> Pr
 
 def project_guarded(stage: PlaneStage, params: PlaneParams, threads: int = 1) -> Projected:
     """Choose between what was given, the planes and what the matches say; fill every hole."""
+    surveyed = start(threads, survey, stage.given, stage.evidence)  # beside the planes
     segments, planes = share_planes(stage, params, threads)
     maps = propose(stage.given, planes, stage.evidence)
     if np.isnan(maps[0]).any():  # not one disparity came
         return project_off(stage, params, threads)
-    odds = log_odds(maps, stage.given, planes, stage.evidence, threads)
-    which = choose(maps, odds, stage.given, stage.graph.weights)[np.newaxis]
-    values = np.take_along_axis(maps, which, axis=0)[0]
-    chosen = settle(np.take_along_axis(odds, which, axis=0)[0], stage.graph.weights,
-                    stage.evidence.image)
-    return Projected(Choice(stage.given, values, which[0] > 0), chosen, segments)
+    odds = log_odds(maps, stage.given, planes, stage.evidence, threads, surveyed.result())
+    weights = stage.graph.weights
+    which = choose(maps, odds, stage.given, weights, threads)
+    chosen = settle(take(odds, which), weights, stage.evidence.image, threads)
+    return Projected(Choice(stage.given, take(maps, which), which > 0), chosen, segments)
 
 
 def share_planes(stage: PlaneStage, params: PlaneParams, threads: int,
@@ -140,8 +141,8 @@ def share_planes(stage: PlaneStage, params: PlaneParams, threads: int,
     quality = np.where(own, fits.inlier_ratio, np.float32(ADOPTED_QUALITY))
     quality[shared.index < 0] = 0
     span = stage.lowest, stage.highest
-    values = plane_disparities(graph.labels, planes, *span)
-    beside = fill_along_planes(stage.given, graph.labels, planes, *span)
+    values = plane_disparities(graph.labels, planes, *span, threads)
+    beside = fill_along_planes(stage.given, graph.labels, planes, *span, threads)
     segments = PlaneSegmentation(graph.labels, np.ascontiguousarray(planes[:, :3]), is_fitted,
                                  fits.inlier_ratio, shared.index)
     return segments, PlaneMap(values, quality.astype(np.float32)[graph.labels], *beside)
@@ -154,7 +155,7 @@ def _literal(stage: PlaneStage, values: FloatMap, is_moved: np.ndarray, planes: 
     odds = np.full(values.shape, -np.inf, np.float32)
     if not np.isnan(filled).any():
         odds = settle(log_odds(filled[np.newaxis], stage.given, planes, stage.evidence,
-                               threads)[0], stage.graph.weights, stage.evidence.image)
+                               threads)[0], stage.graph.weights, stage.evidence.image, threads)
     return Projected(Choice(stage.given, values, is_moved, is_literal=True), odds, segments)
 
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from stereo_refine_ros.graph.segment_graph import PixelLists
 from stereo_refine_ros.params import PlaneParams
 from stereo_refine_ros.refinement.tuning import (
-    EXTRAPOLATION, FRONTO_PARALLEL, MAX_SLOPE_X, MAX_SLOPE_Y, REFITS, RIDGE, SCORED_POINTS)
+    FRONTO_PARALLEL, MAX_SLOPE_X, MAX_SLOPE_Y, REFITS, RIDGE, SCORED_POINTS)
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap
 
@@ -250,15 +250,3 @@ def residual_variance(sums, plane):
              - 2 * a * sums[7] - 2 * b * sums[8] - 2 * c * sums[3]
              + 2 * a * b * sums[5] + 2 * a * c * sums[1] + 2 * b * c * sums[2])
     return max(total / n, 0.0)
-
-
-@njit(cache=True, nogil=True)
-def bounded_disparity(plane, x, y):
-    """
-    Disparity of a plane (a, b, c, low, high) at a pixel, little beyond where it was seen.
-
-    A plane continues behind what hides it, but a slope that noise or a curved surface gave it
-    must not run away at the border of the view.
-    """
-    d = plane[0] * x + plane[1] * y + plane[2]
-    return min(max(d, plane[3] - EXTRAPOLATION), plane[4] + EXTRAPOLATION)

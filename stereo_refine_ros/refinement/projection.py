@@ -20,20 +20,21 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.refinement.planes import bounded_disparity
+from stereo_refine_ros.refinement.tuning import EXTRAPOLATION
+from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, LabelMap
 
 
 def plane_disparities(labels: LabelMap, planes: NDArray[np.float64], low: float,
-                      high: float) -> FloatMap:
+                      high: float, threads: int = 1) -> FloatMap:
     """Evaluate every pixel's plane, limited to low..high; NaN where its segment has none."""
     values = np.empty(labels.shape, np.float32)
-    _plane_kernel(labels, planes, low, high, values)
+    run_bands(_plane_kernel, len(labels), threads, labels, planes, low, high, values)
     return values
 
 
 def fill_along_planes(values: FloatMap, labels: LabelMap, planes: NDArray[np.float64], low: float,
-                      high: float) -> tuple[FloatMap, FloatMap]:
+                      high: float, threads: int = 1) -> tuple[FloatMap, FloatMap]:
     """
     Fill holes with the planes of the nearest valid pixels to the left and right.
 
@@ -49,6 +50,8 @@ def fill_along_planes(values: FloatMap, labels: LabelMap, planes: NDArray[np.flo
         Of every segment, NaN for none: then its pixel's own disparity goes on.
     low, high : float
         The range that the planes are held in.
+    threads : int
+        Bands of rows side by side.
 
     Returns
     -------
@@ -56,51 +59,64 @@ def fill_along_planes(values: FloatMap, labels: LabelMap, planes: NDArray[np.flo
         The smaller and the larger of both sides; NaN in rows without a valid pixel.
 
     """
-    background, foreground = np.empty((2, *values.shape), np.float32)
-    _fill_kernel(values, labels, planes, low, high, background, foreground)
+    background, foreground = values.copy(), values.copy()
+    run_bands(_fill_kernel, len(values), threads, values, labels, planes, low, high, background,
+              foreground)
     return background, foreground
 
 
 @njit(cache=True, nogil=True)
-def _fill_kernel(values, labels, planes, low, high, background, foreground):
-    height, width = values.shape
-    for y in range(height):
-        beside = -1
-        for x in range(width):
+def _fill_kernel(start, stop, values, labels, planes, low, high, background, foreground):
+    width = values.shape[1]
+    for y in range(start, stop):
+        x = 0
+        while x < width:
             if not np.isnan(values[y, x]):
-                beside = x
-            background[y, x] = foreground[y, x] = _extend(
-                y, x, beside, values, labels, planes, low, high)
-        beside = -1
-        for x in range(width - 1, -1, -1):
-            if not np.isnan(values[y, x]):
-                beside = x
+                x += 1
                 continue
-            other = _extend(y, x, beside, values, labels, planes, low, high)
-            if np.isnan(background[y, x]):
-                background[y, x] = foreground[y, x] = other
-            elif not np.isnan(other):
-                background[y, x] = min(background[y, x], other)
-                foreground[y, x] = max(foreground[y, x], other)
+            first = x
+            while x < width and np.isnan(values[y, x]):
+                x += 1
+            # The hole reaches from `first` to before x.
+            for z in range(first, x):
+                left = _extend(y, z, first - 1, values, labels, planes, low, high)
+                right = _extend(y, z, x, values, labels, planes, low, high)
+                # A minimum may lose a NaN: the border of the view, beyond which nothing is.
+                background[y, z] = right if first == 0 else (
+                    left if x == width else min(left, right))
+                foreground[y, z] = right if first == 0 else (
+                    left if x == width else max(left, right))
 
 
 @njit(cache=True, nogil=True)
 def _extend(y, x, beside, values, labels, planes, low, high):
-    if beside < 0:
+    if beside < 0 or beside >= values.shape[1]:
         return np.float32(np.nan)
-    plane = planes[labels[y, beside]]
-    if beside == x or np.isnan(plane[0]):
+    label = labels[y, beside]
+    if np.isnan(planes[label, 0]):
         return values[y, beside]
-    return np.float32(min(max(bounded_disparity(plane, x, y), low), high))
+    return np.float32(_held(planes, label, x, y, low, high))
 
 
 @njit(cache=True, nogil=True)
-def _plane_kernel(labels, planes, low, high, values):
-    height, width = labels.shape
-    for y in range(height):
-        for x in range(width):
-            plane = planes[labels[y, x]]
-            if np.isnan(plane[0]):
+def _plane_kernel(start, stop, labels, planes, low, high, values):
+    for y in range(start, stop):
+        for x in range(labels.shape[1]):
+            label = labels[y, x]
+            if np.isnan(planes[label, 0]):
                 values[y, x] = np.nan
             else:
-                values[y, x] = min(max(bounded_disparity(plane, x, y), low), high)
+                values[y, x] = _held(planes, label, x, y, low, high)
+
+
+@njit(cache=True, nogil=True)
+def _held(planes, label, x, y, low, high):
+    """
+    Disparity of a plane (a, b, c, low, high) at a pixel, little beyond where it was seen.
+
+    A plane continues behind what hides it, but a slope that noise or a curved surface gave it
+    must not run away at the border of the view.
+    """
+    d = planes[label, 0] * x + planes[label, 1] * y + planes[label, 2]
+    d = min(max(d, planes[label, 3] - EXTRAPOLATION), planes[label, 4] + EXTRAPOLATION)
+    return min(max(d, low), high)

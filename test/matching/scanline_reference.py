@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-BANDS, STRIP, RUN_UP = 4, 48, 12
+BAND_ROWS, STRIP, RUN_UP = 160, 48, 12
 GRADIENT_CAP, CENSUS_CAP, OUT_OF_VIEW = 14, 20, 22
 # By axis, then by whether the step is flat.
 PENALTIES = {'row': {True: (55, 147), False: (14, 37)},
@@ -82,8 +82,9 @@ def path(image, costs, pixels, kind, edge_step):
 
 def strips(height):
     """Yield (band start, strip start, strip end)."""
-    for band in range(BANDS):
-        start, stop = height * band // BANDS, height * (band + 1) // BANDS
+    bands = max(2, round(height / BAND_ROWS))
+    for band in range(bands):
+        start, stop = height * band // bands, height * (band + 1) // bands
         for top in range(start, stop, STRIP):
             yield start, top, min(top + STRIP, stop)
 
@@ -133,6 +134,7 @@ def finish(sums, shape):
             d, values = winners[y, x], sums[y, x]
             far = [values[n] for n in values if abs(n - d) > 2]
             uniqueness[y, x] = min((min(far) - values[d]) / 100, 2) if far else 2
-            if x - d in claims and abs(claims[x - d][2] - d) <= 1:
+            is_agreed = x - d in claims and abs(claims[x - d][2] - d) <= 1
+            if is_agreed and uniqueness[y, x] > 0:
                 disparity[y, x] = subpixel(values, d)
     return disparity, uniqueness, right

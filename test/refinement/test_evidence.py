@@ -21,13 +21,18 @@ from stereo_refine_ros.images import halve
 from stereo_refine_ros.levels import to_grid
 from stereo_refine_ros.matching import compute_match, find_match
 from stereo_refine_ros.params import MatchingParams
-from stereo_refine_ros.refinement.evidence import gather_evidence
+from stereo_refine_ros.refinement.evidence import gather_evidence, match_half
 from stereo_refine_ros.types import StereoPair
 
 pytestmark = pytest.mark.compiled  # the matcher's vector steps
 SHAPE = (40, 73)
 SHIFT = 6
 PARAMS = MatchingParams('scanline', 0, 21)
+
+
+def gather(pair, match, params, scale, threads=1):
+    given = to_grid(match.disparity.values, scale)
+    return gather_evidence(pair, match, given, match_half(pair, params), params, scale, threads)
 
 
 @pytest.fixture(scope='module')
@@ -41,7 +46,7 @@ def pair():
 @pytest.mark.parametrize('scale', [1, 2])
 def test_disparities_are_those_of_the_full_image_on_either_grid(pair, scale):
     match = compute_match(pair, PARAMS)
-    evidence = gather_evidence(pair, match, PARAMS, scale)
+    evidence = gather(pair, match, PARAMS, scale)
     grid = tuple(-(-size // scale) for size in SHAPE)
     assert evidence.has_right and evidence.scale == scale
     assert evidence.image.shape[:2] == grid
@@ -61,7 +66,7 @@ def test_the_range_may_begin_below_zero_and_be_odd(pair):
     swapped = StereoPair(pair.right, pair.left)
     params = MatchingParams('scanline', -9, 7)
     for scale in (1, 2):
-        evidence = gather_evidence(swapped, compute_match(swapped, params), params, scale)
+        evidence = gather(swapped, compute_match(swapped, params), params, scale)
         for values in (evidence.fine, evidence.coarse, evidence.right):
             assert np.nanmedian(values) == pytest.approx(-SHIFT, abs=0.3)
 
@@ -69,7 +74,7 @@ def test_the_range_may_begin_below_zero_and_be_odd(pair):
 @pytest.mark.parametrize('scale', [1, 2])
 def test_the_last_disparity_of_the_range_is_seen_at_half_resolution_too(pair, scale):
     params = MatchingParams('scanline', 0, SHIFT + 1)
-    evidence = gather_evidence(pair, compute_match(pair, params), params, scale)
+    evidence = gather(pair, compute_match(pair, params), params, scale)
     assert np.nanmedian(evidence.coarse) == pytest.approx(SHIFT, abs=0.5)
 
 
@@ -78,7 +83,7 @@ def test_no_match_leaves_the_range(first, count):
     noise = np.random.default_rng(1).integers(0, 256, (2, 60, 90), dtype=np.uint8)
     params = MatchingParams('scanline', first, count)
     views = StereoPair(noise[0], noise[1])
-    evidence = gather_evidence(views, compute_match(views, params), params, 1)
+    evidence = gather(views, compute_match(views, params), params, 1)
     for values in (evidence.fine, evidence.coarse):
         known = values[np.isfinite(values)]
         assert first <= known.min() <= known.max() <= first + count - 1
@@ -86,11 +91,11 @@ def test_no_match_leaves_the_range(first, count):
 
 @pytest.mark.parametrize('scale', [1, 2])
 def test_whatever_map_is_judged_the_witness_is_the_same(pair, scale):
-    own = gather_evidence(pair, compute_match(pair, PARAMS), PARAMS, scale)
+    own = gather(pair, compute_match(pair, PARAMS), PARAMS, scale)
     noise = np.random.default_rng(0).uniform(0, 20, SHAPE).astype(np.float32)
     for match in (find_match(pair, noise, PARAMS),
                   compute_match(pair, MatchingParams('sgbm', 0, 21))):
-        other = gather_evidence(pair, match, PARAMS, scale)
+        other = gather(pair, match, PARAMS, scale)
         for name in ('image', 'fine', 'coarse', 'uniqueness', 'right'):
             np.testing.assert_array_equal(getattr(other, name), getattr(own, name), name)
 
@@ -100,7 +105,7 @@ def test_without_a_right_view_the_map_is_its_own_witness(pair, scale):
     given = np.full(SHAPE, 5, np.float32)
     given[:8] = np.nan
     left = StereoPair(pair.left, None)
-    evidence = gather_evidence(left, find_match(left, given, PARAMS), PARAMS, scale)
+    evidence = gather(left, find_match(left, given, PARAMS), PARAMS, scale)
     assert not evidence.has_right
     np.testing.assert_array_equal(evidence.fine, to_grid(given, scale))
     assert np.isnan(evidence.coarse).all() and np.isnan(evidence.right).all()
@@ -111,7 +116,7 @@ def test_without_a_right_view_the_map_is_its_own_witness(pair, scale):
 @pytest.mark.parametrize('threads', [2, 3])
 def test_threads_change_no_bit(pair, threads):
     match = compute_match(pair, PARAMS)
-    first, again = (gather_evidence(pair, match, PARAMS, 2, count) for count in (1, threads))
+    first, again = (gather(pair, match, PARAMS, 2, count) for count in (1, threads))
     for name in ('fine', 'coarse', 'uniqueness', 'right'):
         np.testing.assert_array_equal(getattr(again, name), getattr(first, name), name)
 
@@ -119,6 +124,6 @@ def test_threads_change_no_bit(pair, threads):
 def test_plain_views_have_no_matches_but_the_shape_of_ones():
     plain = np.full((6, 9), 80, np.uint8)
     pair = StereoPair(plain, plain)
-    evidence = gather_evidence(pair, compute_match(pair, PARAMS), PARAMS, 2)
+    evidence = gather(pair, compute_match(pair, PARAMS), PARAMS, 2)
     assert evidence.fine.shape == evidence.coarse.shape == (3, 5)
     assert not np.isinf(evidence.fine).any() and np.all(evidence.uniqueness >= 0)

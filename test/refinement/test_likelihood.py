@@ -68,6 +68,9 @@ def test_features_are_those_of_plain_python(scale, is_grey, has_right):
     found = features_at(*world)
     assert found.shape == (3, *SHAPE, len(FEATURES)) and found.dtype == np.float32
     expected = likelihood_reference.features(*world)
+    maps = world[0]
+    alike = np.abs(maps - maps[0]) <= np.float32(ALIKE)  # these are judged as the first is
+    expected[alike] = np.broadcast_to(expected[0], expected.shape)[alike]
     for i, name in enumerate(FEATURES):
         np.testing.assert_allclose(found[..., i], expected[..., i], rtol=1e-4, atol=1e-4,
                                    err_msg=name)
