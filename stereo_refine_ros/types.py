@@ -78,6 +78,12 @@ class StereoPair:
         """Height and width in pixels."""
         return self.left.shape[0], self.left.shape[1]
 
+    def with_right(self, right: Image) -> StereoPair:
+        """Put another right view beside the left one."""
+        pair = StereoPair(self.left, right)
+        pair.__dict__['left_grey'] = self.left_grey  # where the cache of the property is
+        return pair
+
     @cached_property
     def left_grey(self) -> Image:
         """The left view in grey levels, uint8 (H, W)."""

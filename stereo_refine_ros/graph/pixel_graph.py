@@ -130,13 +130,14 @@ def _changes(image: NDArray[Any], directions: int
              ) -> Iterator[tuple[tuple[slice, slice, int], NDArray[Any]]]:
     """Yield for each direction the largest change of a channel, and its place among weights."""
     height, width = image.shape[:2]
+    channels = (image,) if image.ndim == 2 else cv2.split(image)
     for k, (down, right) in enumerate(_STEPS[:directions].tolist()):
         if height > down and width > abs(right):
             left, stop = max(0, -right), width - max(0, right)
-            change = cv2.absdiff(
-                image[:height - down, left:stop], image[down:, left + right:stop + right])
-            yield ((slice(0, height - down), slice(left, stop), k),
-                   reduce(cv2.max, cv2.split(change)))
+            changes = [cv2.absdiff(channel[:height - down, left:stop],
+                                   channel[down:, left + right:stop + right])
+                       for channel in channels]
+            yield (slice(0, height - down), slice(left, stop), k), reduce(cv2.max, changes)
 
 
 def sort_edges(weights: NDArray[np.uint8], codes: IndexArray | None = None) -> IndexArray:

@@ -79,8 +79,11 @@ def _segment_kernel(order, weights, offsets, k, min_size, parent, size, labels):
     for i in range(order.shape[0]):
         edge = order[i]
         pixel = edge >> shift
+        other = pixel + offsets[edge & mask]
+        if parent[pixel] == parent[other]:  # most are one set already
+            continue
         a = find(parent, pixel)
-        b = find(parent, pixel + offsets[edge & mask])
+        b = find(parent, other)
         if a == b:
             continue
         weight = np.float32(weights[edge])
@@ -93,8 +96,11 @@ def _segment_kernel(order, weights, offsets, k, min_size, parent, size, labels):
     for i in range(left_over):
         edge = order[i]
         pixel = edge >> shift
+        other = pixel + offsets[edge & mask]
+        if parent[pixel] == parent[other]:
+            continue
         a = find(parent, pixel)
-        b = find(parent, pixel + offsets[edge & mask])
+        b = find(parent, other)
         if a != b and min(size[a], size[b]) < min_size:
             union(parent, size, a, b)
     return _number_kernel(parent, labels)

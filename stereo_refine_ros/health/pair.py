@@ -80,7 +80,7 @@ class PairExaminer:
             return Prepared(pair, RowOffset(), PairHealth())
         offset, views = self._measured(pair)
         if self._params.rectification.correct and not offset.is_zero:
-            pair = replace(pair, right=undo_row_offset(pair.right, offset, threads))
+            pair = pair.with_right(undo_row_offset(pair.right, offset, threads))
         return Prepared(clear_pair(pair, views), offset, views)
 
     def _measured(self, pair: StereoPair) -> tuple[RowOffset, PairHealth]:

@@ -20,10 +20,11 @@ import numpy as np
 
 from stereo_refine_ros.refinement.filling import fill_from_background
 from stereo_refine_ros.refinement.likelihood import Evidence, PlaneMap
+from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap
 
 
-def propose(given: FloatMap, planes: PlaneMap, evidence: Evidence) -> FloatMap:
+def propose(given: FloatMap, planes: PlaneMap, evidence: Evidence, threads: int = 1) -> FloatMap:
     """
     Gather the candidates of every pixel.
 
@@ -33,6 +34,8 @@ def propose(given: FloatMap, planes: PlaneMap, evidence: Evidence) -> FloatMap:
         The map to refine, NaN where it has holes.
     planes, evidence
         On the same grid.
+    threads : int
+        Bands of rows side by side.
 
     Returns
     -------
@@ -49,8 +52,12 @@ def propose(given: FloatMap, planes: PlaneMap, evidence: Evidence) -> FloatMap:
             others.append(evidence.fine)
         others.append(evidence.coarse)
     maps = np.empty((1 + len(others), *given.shape), np.float32)
-    maps[0] = background
-    for to, other in zip(maps[1:], others, strict=True):
-        np.copyto(to, other)
-        np.copyto(to, background, where=np.isnan(other))
+
+    def fill(start: int, stop: int) -> None:
+        rows = slice(start, stop)
+        maps[0, rows] = background[rows]
+        for to, other in zip(maps[1:, rows], others, strict=True):
+            np.copyto(to, other[rows])
+            np.copyto(to, background[rows], where=np.isnan(to))
+    run_bands(fill, len(given), threads)
     return maps

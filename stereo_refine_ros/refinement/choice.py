@@ -69,11 +69,10 @@ def choose(maps: FloatMap, odds: FloatMap, given: FloatMap, weights: NDArray[np.
     return which
 
 
-def take(candidates: FloatMap, which: NDArray[np.uint8]) -> FloatMap:
+def take(candidates: FloatMap, which: NDArray[np.uint8], threads: int = 1) -> FloatMap:
     """Pick from candidates, float32 (K, H, W), the one that was chosen at every pixel."""
-    taken = candidates[0].copy()
-    for k in range(1, len(candidates)):
-        np.copyto(taken, candidates[k], where=which == k)
+    taken = np.empty_like(candidates[0])
+    run_bands(_take_kernel, len(taken), threads, candidates, which, taken)
     return taken
 
 
@@ -155,3 +154,10 @@ def _decide_kernel(start, stop, gain, mean, count, given, hole_margin, margin, w
             else:
                 is_likelier = count[y, x] > 0 and mean[y, x] > margin
             which[y, x] = which[y, x] if is_likelier else np.uint8(0)
+
+
+@njit(cache=True, nogil=True)
+def _take_kernel(start, stop, candidates, which, taken):
+    for y in range(start, stop):
+        for x in range(taken.shape[1]):
+            taken[y, x] = candidates[which[y, x], y, x]

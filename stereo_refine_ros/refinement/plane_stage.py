@@ -119,14 +119,14 @@ def project_guarded(stage: PlaneStage, params: PlaneParams, threads: int = 1) ->
     """Choose between what was given, the planes and what the matches say; fill every hole."""
     surveyed = start(threads, survey, stage.given, stage.evidence)  # beside the planes
     segments, planes = share_planes(stage, params, threads)
-    maps = propose(stage.given, planes, stage.evidence)
+    maps = propose(stage.given, planes, stage.evidence, threads)
     if np.isnan(maps[0]).any():  # not one disparity came
         return project_off(stage, params, threads)
     odds = log_odds(maps, stage.given, planes, stage.evidence, threads, surveyed.result())
     weights = stage.graph.weights
     which = choose(maps, odds, stage.given, weights, threads)
-    chosen = settle(take(odds, which), weights, stage.evidence.image, threads)
-    return Projected(Choice(stage.given, take(maps, which), which > 0), chosen, segments)
+    chosen = settle(take(odds, which, threads), weights, stage.evidence.image, threads)
+    return Projected(Choice(stage.given, take(maps, which, threads), which > 0), chosen, segments)
 
 
 def share_planes(stage: PlaneStage, params: PlaneParams, threads: int,
