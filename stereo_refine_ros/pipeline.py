@@ -16,10 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
-import time
 
 import numpy as np
 
@@ -36,6 +33,7 @@ from stereo_refine_ros.refinement.likelihood import probability
 from stereo_refine_ros.refinement.plane_stage import (
     PlaneStage, Projected, PROJECTIONS, unfitted)
 from stereo_refine_ros.refinement.steadying import FrameMemory
+from stereo_refine_ros.stage_clock import StageClock
 from stereo_refine_ros.threads import start
 from stereo_refine_ros.types import (
     FloatMap, Image, PairHealth, PlaneSegmentation, RefinementResult, StereoPair)
@@ -54,6 +52,10 @@ class StereoRefiner:
         self._project = PROJECTIONS[params.planes.projection]
         self._examiner = PairExaminer(params)
         self._memory = FrameMemory() if params.temporal.enabled else None
+
+    def follow(self, other: StereoRefiner) -> None:
+        """Take over what a refiner with other parameters has learnt of the cameras."""
+        self._examiner.follow(other._examiner)
 
     def process(self, left: Image, right: Image | None, preliminary: FloatMap | None = None,
                 threads: int | None = None) -> RefinementResult:
@@ -75,7 +77,7 @@ class StereoRefiner:
             For images or a map of the wrong type or shape.
 
         """
-        clock, pair = _Clock(), StereoPair(left, right)
+        clock, pair = StageClock(), StereoPair(left, right)
         params, threads = self.params, threads or self.params.processing.threads
         check_memory(pair, params.matching)
         scale = grid_scale(pair.shape, params.processing.refine_pixels)
@@ -120,7 +122,7 @@ class StereoRefiner:
         Parameters and errors are those of `process`. The map may have holes; what is valid has
         confidence 1, and the image is one unfitted segment.
         """
-        clock, pair = _Clock(), StereoPair(left, right)
+        clock, pair = StageClock(), StereoPair(left, right)
         with clock.timing('matching'):
             found = find_match(pair, preliminary, self.params.matching,
                                threads or self.params.processing.threads).disparity
@@ -128,7 +130,7 @@ class StereoRefiner:
             found, found, unfitted(np.zeros(pair.shape, np.int32), 1), float('nan'),
             clock.stage_ms, clock.total_ms(), found.valid.astype(np.float32), PairHealth())
 
-    def _segment(self, left: Image, scale: int, clock: _Clock) -> SegmentGraph:
+    def _segment(self, left: Image, scale: int, clock: StageClock) -> SegmentGraph:
         with clock.timing('segmentation'):
             image = left if scale == 1 else halve(left)
             return build_segment_graph(image, self.params.segmentation, scale)
@@ -140,20 +142,3 @@ def _enlarged(projected: Projected, shape: tuple[int, int], scale: int,
     confidence = repeated(probability(projected.odds), shape, scale)
     return (np.ascontiguousarray(confidence),
             segments_at_full_size(projected.segments, shape, scale))
-
-
-class _Clock:
-    """Wall times of the stages of one frame, milliseconds."""
-
-    def __init__(self) -> None:
-        self._begin = time.perf_counter()
-        self.stage_ms = dict.fromkeys(('matching', 'segmentation', 'planes', 'filter'), 0.0)
-
-    @contextmanager
-    def timing(self, stage: str) -> Iterator[None]:
-        begin = time.perf_counter()
-        yield
-        self.stage_ms[stage] += (time.perf_counter() - begin) * 1e3
-
-    def total_ms(self) -> float:
-        return (time.perf_counter() - self._begin) * 1e3

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass, replace
 import threading
 import time
@@ -73,6 +74,18 @@ class PairExaminer:
         self._looked_at = -LOOK_EVERY_S
         self._look = CoarseLook(float('nan'), float('nan'), float('nan'))
         self._fits_right = False
+
+    def follow(self, other: PairExaminer) -> None:
+        """Take over what another examiner knows of the cameras, as far as it holds here."""
+        mine, theirs = self._params, other._params
+        with other._lock:
+            if (mine.matching, mine.rectification, mine.temporal) == (
+                    theirs.matching, theirs.rectification, theirs.temporal):
+                self._tracker, self._pairs = deepcopy(other._tracker), other._pairs
+                self._views = other._views
+            # Parameters that change with every frame must not ask for a look at every frame.
+            self._looked_at, self._look = other._looked_at, other._look
+            self._fits_right = other._fits_right
 
     def prepare(self, pair: StereoPair, threads: int) -> Prepared:
         """Undo the row offset of a pair, and clear it of noise; say what was found."""

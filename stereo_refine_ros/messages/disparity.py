@@ -180,8 +180,8 @@ def _is_negated(raw: FloatMap) -> bool:
         negative = raw[plausible & (raw < 0)]
         positive = np.count_nonzero(plausible & (raw > 0))
     # One negative value alone is the mark of invalid pixels.
-    return negative.size > 0 and positive < _ODD_SHARE * negative.size and (
-        negative.min() < negative.max())
+    return bool(negative.size > 0 and positive < _ODD_SHARE * negative.size
+                and negative.min() < negative.max())
 
 
 def _floats(message: DisparityImage) -> FloatMap:

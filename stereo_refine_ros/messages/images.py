@@ -29,5 +29,5 @@ def fill_image(message: Image, pixels: NDArray, encoding: str) -> Image:
     message.is_bigendian = 0
     message.step = packed.nbytes // packed.shape[0]
     # `frombytes` of a flat view: no other way of filling the array comes near its speed.
-    message.data.frombytes(memoryview(packed.reshape(-1)).cast('B'))
+    message.data.frombytes(packed.reshape(-1).data.cast('B'))
     return message

@@ -71,7 +71,10 @@ class FrameRefiner:
     def _refiner_for(self, params: Params) -> StereoRefiner:
         with self._lock:
             if self._refiner is None or self._refiner.params != params:
-                self._refiner = self._make_refiner(params)
+                refiner = self._make_refiner(params)
+                if self._refiner is not None:
+                    refiner.follow(self._refiner)
+                self._refiner = refiner
             return self._refiner
 
     def _count_failure(self) -> int:

@@ -48,7 +48,7 @@ class _Last:
     values: FloatMap
     confidence: FloatMap
     age: FloatMap
-    left: Image | None = None
+    left: Image
     is_own: bool = True
 
 
@@ -91,27 +91,27 @@ class FrameMemory:
         grey = cv2.blur(to_grey(left), (3, 3)).reshape(values.shape)
         with self._lock:
             last = self._last
-        if (last is None or last.grey.shape != grey.shape or last.is_own != is_own
-                or np.array_equal(last.left, left)):
-            now = _Last(grey, values, confidence, np.ones_like(values), left, is_own)
-        else:
-            now = replace(_steadied(last, grey, values, confidence, noise_sigma, threads),
-                          left=left, is_own=is_own)
+        now = _Last(grey, values, confidence, np.ones_like(values), left, is_own)
+        if (last is not None and last.grey.shape == grey.shape and last.is_own == is_own
+                and not np.array_equal(last.left, left)):
+            now = _steadied(last, now, noise_sigma, threads)
         with self._lock:
             self._last = now
         return now.values, now.confidence
 
 
-def _steadied(last: _Last, grey: Image, values: FloatMap, confidence: FloatMap,
-              noise_sigma: float, threads: int) -> _Last:
+def _steadied(last: _Last, now: _Last, noise_sigma: float, threads: int) -> _Last:
     limit = UNCHANGED + UNCHANGED_NOISE * float(np.nan_to_num(noise_sigma))
-    still = cv2.dilate(cv2.absdiff(grey, last.grey), _WINDOW).reshape(values.shape) <= limit
-    difference = values - last.values
+    change = cv2.dilate(cv2.absdiff(now.grey, last.grey), _WINDOW)
+    still = change.reshape(now.values.shape) <= limit
+    difference = now.values - last.values
     is_same = still & (np.abs(difference) <= SAME_SURFACE)
     common = _local_mean(difference, is_same)
-    out = _Last(grey, np.empty_like(values), np.empty_like(values), np.empty_like(values))
-    run_bands(_steady_kernel, len(values), threads, values, confidence, still, is_same, common,
-              last.values, last.confidence, last.age, out.values, out.confidence, out.age)
+    out = replace(now, values=np.empty_like(now.values), confidence=np.empty_like(now.values),
+                  age=np.empty_like(now.values))
+    run_bands(_steady_kernel, len(now.values), threads, now.values, now.confidence, still,
+              is_same, common, last.values, last.confidence, last.age, out.values,
+              out.confidence, out.age)
     return out
 
 

@@ -136,14 +136,14 @@ def test_parameters_are_swapped_whole_between_frames(harness, monkeypatch):
     thread = threading.Thread(target=swap)
     thread.start()
     try:
-        for _ in range(20):
+        for _ in range(60):
             client.exchange(harness.pair(), timeout_s=30.0)
     finally:
         stop.set()
         thread.join()
     assert set(seen) <= {(11, 1, 111), (22, 2, 222)} and len(seen) == 2, seen
-    assert sum(seen.values()) == 20
-    assert swaps['done'] > 20 and swaps['refused'] == 0
+    assert sum(seen.values()) == 60
+    assert swaps['done'] > 60 and swaps['refused'] == 0
     assert client.health()['processing_failures'] == 0
 
 

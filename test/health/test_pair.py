@@ -216,3 +216,30 @@ def test_pairs_from_several_threads_do_not_meet(low_pair, is_temporal):
     # The look is another thread's, or not yet there.
     assert {told.matched_ratio for _, told in frames if not math.isnan(told.matched_ratio)} == {
         health.matched_ratio}
+
+
+def test_other_parameters_keep_what_is_known_of_the_cameras(low_pair, monkeypatch):
+    looks = []
+    suspect = examiner_module.suspect
+    monkeypatch.setattr(
+        examiner_module, 'suspect', lambda *args: looks.append(1) or suspect(*args))
+    before = examiner(temporal__enabled=True)
+    for _ in range(3):
+        prepared = before.prepare(low_pair, 1)
+    fine = np.full(SHAPE, SHIFT, np.float32)
+    known = before.examine(prepared, fine, None)
+    after = examiner(temporal__enabled=True, planes__seed=5)
+    after.follow(before)
+    again = after.prepare(low_pair, 1)
+    same_bits(again.offset, prepared.offset)
+    assert again.offset.largest_px == pytest.approx(1.5, abs=0.15)
+    assert after.examine(again, fine, None).matched_ratio == known.matched_ratio
+    assert len(looks) == 1  # the second examiner had no need of its own
+
+
+def test_another_range_asks_for_the_rows_again(pair, low_pair):
+    before = examiner(temporal__enabled=True)
+    before.prepare(low_pair, 1)
+    after = examiner(temporal__enabled=True, matching__num_disparities=48)
+    after.follow(before)
+    assert after.prepare(pair, 1).offset.largest_px < 0.1

@@ -210,8 +210,9 @@ class Client:
         return self.call(DescribeParameters, 'describe_parameters',
                          DescribeParameters.Request(names=list(names))).descriptors
 
-    def health(self, newer_than: int = 0) -> dict[str, float]:
-        """Counters of the newest /diagnostics message."""
+    def health(self) -> dict[str, float]:
+        """Counters of the newest /diagnostics message; waits for one where none has come."""
+        self.until(lambda: self.received['/diagnostics'], 10.0, 'diagnostics')
         status = self.received['/diagnostics'][-1].status[0]
         return {item.key: float(item.value) for item in status.values}
 

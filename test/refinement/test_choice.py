@@ -52,13 +52,13 @@ def test_the_smoother_the_map_the_larger_the_margin():
     assert np.all(choose(maps, odds, rough_map(), FLAT) == 1)
 
 
-def test_a_hole_gives_way_where_a_given_pixel_does_not():
+def test_a_hole_gives_way_where_a_given_pixel_of_a_smooth_map_does_not():
     given = GIVEN.copy()
     given[3:9, 4:12] = np.nan
-    assert 0 <= MARGIN_HOLE < LEAST < LARGEST
-    which = choose(*candidates((MARGIN_HOLE + LEAST) / 2), given, FLAT)
+    assert 0 <= MARGIN_HOLE < LARGEST
+    which = choose(*candidates((MARGIN_HOLE + LARGEST) / 2), given, FLAT)
     np.testing.assert_array_equal(which == 1, np.isnan(given))
-    assert np.all(choose(*candidates(-0.1), given, FLAT) == 0)
+    assert np.all(choose(*candidates(MARGIN_HOLE - 0.1), given, FLAT) == 0)
 
 
 def test_of_several_the_likeliest_is_chosen():
