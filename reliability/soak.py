@@ -28,6 +28,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 import os
 from pathlib import Path
+import signal
 import subprocess
 import sys
 import tempfile
@@ -144,14 +145,14 @@ class Soak:
         self.watcher = Watcher(options.seed)
         self.samples = Samples()
         self.cameras = 0
-        self.camera = self._start_camera()
+        self.camera = self._start_camera(options.fault_rate)
 
-    def _start_camera(self) -> subprocess.Popen[bytes]:
+    def _start_camera(self, fault_rate: float) -> subprocess.Popen[bytes]:
         self.cameras += 1
         return subprocess.Popen(
             [sys.executable, str(CAMERA), '--log', str(self.log), '--rate',
              str(self.options.rate), '--seed', str(self.options.seed + self.cameras),
-             '--fault-rate', str(self.options.fault_rate)])
+             '--fault-rate', str(fault_rate)])
 
     def go(self) -> None:
         """Disturb for the time chosen, then let everything settle."""
@@ -163,12 +164,22 @@ class Soak:
                 self.samples.take(self.run, began)
                 self.watcher.disturb()
                 if self.camera.poll() is not None:
-                    self.camera = self._start_camera()
+                    self.camera = self._start_camera(self.options.fault_rate)
+        if self._end_camera() == -signal.SIGKILL:
+            # Killed within its last set: only the next whole one tells that nothing is to come.
+            self.camera = self._start_camera(0.0)
+            self._spin(8.0)
+            self._end_camera()
+
+    def _end_camera(self) -> int:
         self.camera.terminate()
-        end = time.monotonic() + 5.0
+        self._spin(5.0)
+        return self.camera.wait(10.0)
+
+    def _spin(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
         while time.monotonic() < end:
             rclpy.spin_once(self.watcher, timeout_sec=0.05)
-        self.camera.wait(10.0)
 
     def close(self) -> float:
         """End the node; return the seconds it took."""

@@ -86,12 +86,12 @@ class StereoPair:
 
     @cached_property
     def left_grey(self) -> Image:
-        """The left view in grey levels, uint8 (H, W)."""
+        """Return the left view in grey levels, uint8 (H, W)."""
         return to_grey(self.left)
 
     @cached_property
     def right_grey(self) -> Image:
-        """The right view in grey levels, uint8 (H, W)."""
+        """Return the right view in grey levels, uint8 (H, W)."""
         if self.right is None:
             raise ValueError('the pair has no right image')
         return to_grey(self.right)

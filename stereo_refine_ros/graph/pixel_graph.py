@@ -89,17 +89,10 @@ def relative_edge_weights(image: Image, sigma: float,
 
     Parameters
     ----------
-    image : uint8 ndarray of shape (H, W) or (H, W, 3)
-        Grey or BGR.
+    image, directions
+        As in `edge_weights`, and so is what is returned.
     sigma : float
         Gaussian blur, pixels; 0 for none.
-    directions : {2, 4}
-        2 for 4 neighbours, 4 for 8 neighbours.
-
-    Returns
-    -------
-    uint8 ndarray of shape (H, W, directions)
-        Entries whose neighbour lies outside the image are 0 and not part of the graph.
 
     """
     require_image('image', image)

@@ -18,14 +18,32 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stereo_refine_ros.types import DisparityMap, FloatMap
 
-if TYPE_CHECKING:
-    from stereo_refine_ros.matching.scanline import Scan
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """
+    What the scanline matcher found in a pair.
+
+    Attributes
+    ----------
+    disparity : float32 ndarray of shape (H, W)
+        Sub-pixel, left view; NaN where both views disagree, or where another disparity fits as
+        well, as on a plain wall.
+    uniqueness : float32 ndarray of shape (H, W), 0..2
+        By how much the winner beats all disparities farther than 2 from it.
+    right : float32 ndarray of shape (H, W)
+        Disparity that the right view sees at each of its pixels; NaN where no left pixel reaches.
+
+    """
+
+    disparity: FloatMap
+    uniqueness: FloatMap
+    right: FloatMap
 
 
 @dataclass(frozen=True, eq=False)

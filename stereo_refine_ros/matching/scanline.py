@@ -16,15 +16,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from stereo_refine_ros.images import halve
 from stereo_refine_ros.matching.features import feature_planes, flat_steps
 from stereo_refine_ros.matching.islands import without_islands
-from stereo_refine_ros.matching.match import Match
+from stereo_refine_ros.matching.match import Match, Scan
 from stereo_refine_ros.matching.scanline_paths import (
     band_kernel, totals_size, work_size)
 from stereo_refine_ros.matching.scratch import scratch
@@ -34,7 +32,7 @@ from stereo_refine_ros.matching.vector_twins import LANES_PER_ITEM, PLANES
 from stereo_refine_ros.matching.windows import half_range, windows
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.threads import run_bands, start
-from stereo_refine_ros.types import DisparityMap, FloatMap, StereoPair
+from stereo_refine_ros.types import DisparityMap, StereoPair
 
 __all__ = ['Scan', 'match_scanline', 'scan', 'without_islands']
 
@@ -44,28 +42,6 @@ _LANES = (32, 64, 128, 256)
 # threads. Each band matches RUN_UP rows above and below it once more.
 _BAND_ROWS = 160
 _ONE_WINDOW = np.zeros((1, 1), np.int32)
-
-
-@dataclass(frozen=True, eq=False)
-class Scan:
-    """
-    What the scanline matcher found in a pair.
-
-    Attributes
-    ----------
-    disparity : float32 ndarray of shape (H, W)
-        Sub-pixel, left view; NaN where both views disagree, or where another disparity fits as
-        well, as on a plain wall.
-    uniqueness : float32 ndarray of shape (H, W), 0..2
-        By how much the winner beats all disparities farther than 2 from it.
-    right : float32 ndarray of shape (H, W)
-        Disparity that the right view sees at each of its pixels; NaN where no left pixel reaches.
-
-    """
-
-    disparity: FloatMap
-    uniqueness: FloatMap
-    right: FloatMap
 
 
 def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:

@@ -185,15 +185,21 @@ def _upward(top, end, known, lanes, views, base, flat, settings, layout, state, 
 
 
 @njit(cache=True, nogil=True)
+def _begin_rows(y, count, row):
+    """Return the least values that paths begin with, and where the costs of their rows are."""
+    at = np.empty(ABREAST, np.int64)
+    for k in range(count):
+        at[k] = (y + k) % _RING * row
+    return np.zeros(ABREAST, np.int64), at
+
+
+@njit(cache=True, nogil=True)
 def _ahead(lanes, y, count, rows, size, offset, column, before, stride, least, cost, total, row,
            plan):
     """Run the rightward and the downward path over rows y..y + count, LAG pixels apart."""
     width = least.shape[0]
     lane_count = len(lanes) * LANES_PER_ITEM
-    row_least = np.zeros(ABREAST, np.int64)
-    at = np.empty(ABREAST, np.int64)
-    for k in range(count):
-        at[k] = (y + k) % _RING * row
+    row_least, at = _begin_rows(y, count, row)
     begin = lane_count + 16
     for z in range(width + LAG * (count - 1)):
         for k in range(count):
@@ -217,10 +223,7 @@ def _back(lanes, y, count, rows, size, offset, cost, total, kept, kept_at, row, 
     """Run the leftward path over rows y..y + count, add all paths and find the winners."""
     width = found.shape[1]
     lane_count = len(lanes) * LANES_PER_ITEM
-    row_least = np.zeros(ABREAST, np.int64)
-    at = np.empty(ABREAST, np.int64)
-    for k in range(count):
-        at[k] = (y + k) % _RING * row
+    row_least, at = _begin_rows(y, count, row)
     begin = lane_count + 16
     for z in range(width):
         x = width - 1 - z

@@ -22,8 +22,8 @@ import numpy as np
 
 from stereo_refine_ros.images import halve
 from stereo_refine_ros.levels import halve_pair, repeated, to_grid
-from stereo_refine_ros.matching.match import Match
-from stereo_refine_ros.matching.scanline import scan, Scan, without_islands  # noqa: I101
+from stereo_refine_ros.matching.match import Match, Scan
+from stereo_refine_ros.matching.scanline import scan, without_islands
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.refinement.likelihood import Evidence
 from stereo_refine_ros.types import FloatMap, Image, StereoPair

@@ -15,7 +15,7 @@
 """
 How likely a disparity is within a pixel of the truth.
 
-One logistic model of a dozen and a half numbers answers for every disparity that anybody
+One logistic model of two dozen numbers answers for every disparity that anybody
 proposes for a pixel, whoever proposed it: so the same answer chooses, is published, and refuses.
 What decides is what matched pixels of like colour around it say, and whether a plane passes here.
 The coefficients come from `scripts/fit_likelihood.py`.
@@ -41,15 +41,15 @@ from stereo_refine_ros.refinement.likelihood_kernels import (
     judge_kernel, NONE, roughness_kernel)
 from stereo_refine_ros.refinement.likelihood_table import ALONE, PAIR
 from stereo_refine_ros.refinement.tuning import (
-    AROUND_WINDOW, LOCAL_WINDOW, REACH, REACH_GROWTH, RING)
+    AROUND_WINDOW, LOCAL_WINDOW, MISFIT_WINDOW, REACH, REACH_GROWTH, RING, UNIQUE_WINDOW)
 from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap, Image
 
 FEATURES = (
-    'bias', 'vote', 'around', 'plane_near', 'plane_far', 'plane_residual', 'given_far',
-    'smooth_given', 'smooth_ungiven', 'fine_near', 'coarse_far', 'uniqueness', 'bend', 'step',
-    'transparent', 'unseen', 'hole', 'hole_vote', 'hole_plane', 'uniqueness_around',
-    'disagreement_around')
+    'bias', 'vote', 'around', 'plane_near', 'plane_far', 'given_far', 'smooth_given',
+    'smooth_ungiven', 'fine_near', 'coarse_far', 'uniqueness', 'bend', 'transparent', 'unseen',
+    'hole', 'hole_vote', 'hole_plane', 'hole_behind', 'border', 'border_plane', 'border_behind',
+    'uniqueness_around', 'disagreement_around', 'slant', 'misfit')
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +95,8 @@ class PlaneMap:
     values : the disparity of the segment's plane, NaN for none
     quality : how far to believe it, 0..1
     behind, before : the planes beside a hole, the farther and the nearer; NaN for none
+    slant : by how much the disparity changes from pixel to pixel of the image, at most 1
+    misfit : by how much the matches around are off their planes, 0..1 px
 
     """
 
@@ -102,6 +104,16 @@ class PlaneMap:
     quality: FloatMap
     behind: FloatMap
     before: FloatMap
+    slant: FloatMap
+    misfit: FloatMap
+
+
+def misfit_around(fine: FloatMap, planes: FloatMap) -> FloatMap:
+    """Average over a window by how much matches are off the plane of their segment, 0..1 px."""
+    off = np.minimum(np.abs(fine - planes), 1)
+    known = np.isfinite(off).astype(np.float32)
+    total = _mean(np.nan_to_num(off), MISFIT_WINDOW)
+    return total / np.maximum(_mean(known, MISFIT_WINDOW), np.float32(0.05))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +136,6 @@ def survey(given: FloatMap, evidence: Evidence) -> Survey:
     reach = int(np.abs(RING).max())
     border = reach, reach, reach, reach
     channels = evidence.image.reshape(*given.shape, -1)
-    window = (AROUND_WINDOW, AROUND_WINDOW)
     apart = np.minimum(np.nan_to_num(np.abs(evidence.fine - evidence.coarse), nan=1.0), 2)
     return Survey(
         image=np.stack([cv2.copyMakeBorder(np.ascontiguousarray(channels[..., c]), *border,
@@ -137,8 +148,8 @@ def survey(given: FloatMap, evidence: Evidence) -> Survey:
         coarse=_filled(evidence.coarse),
         right=_filled(evidence.right),
         local=_local_roughness(given),
-        unique_around=cv2.blur(evidence.uniqueness, window, borderType=cv2.BORDER_REFLECT),
-        disagreement=cv2.blur(apart.astype(np.float32), window, borderType=cv2.BORDER_REFLECT))
+        unique_around=_mean(evidence.uniqueness, UNIQUE_WINDOW),
+        disagreement=_mean(apart.astype(np.float32), AROUND_WINDOW))
 
 
 def log_odds(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evidence,
@@ -165,11 +176,11 @@ def log_odds(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Eviden
         Log-odds that each disparity is within 1 px of the truth.
 
     """
-    table = np.array(PAIR if evidence.has_right else ALONE, np.float32)
-    out = np.empty_like(maps)
+    table = np.array([PAIR if evidence.has_right else ALONE], np.float32)
+    out = np.empty((1, *maps.shape), np.float32)
     arguments = _arguments(maps, surveyed or survey(given, evidence), planes, evidence)
     run_bands(judge_kernel, maps.shape[1], threads, *arguments, table, out)
-    return out
+    return out[0]
 
 
 def features_at(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evidence,
@@ -181,8 +192,7 @@ def features_at(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evi
     """
     arguments = _arguments(maps, survey(given, evidence), planes, evidence)
     out = np.empty((len(FEATURES), *maps.shape), np.float32)
-    for unit, feature in zip(np.eye(len(FEATURES), dtype=np.float32), out, strict=True):
-        judge_kernel(0, maps.shape[1], *arguments, unit, feature)
+    judge_kernel(0, maps.shape[1], *arguments, np.eye(len(FEATURES), dtype=np.float32), out)
     return np.moveaxis(out, 0, -1)
 
 
@@ -206,8 +216,10 @@ def _arguments(maps: FloatMap, known: Survey, planes: PlaneMap, evidence: Eviden
                ) -> tuple[object, ...]:
     distance = np.hypot(RING[:, 0], RING[:, 1]) * evidence.scale
     allowed = (REACH + REACH_GROWTH * distance).astype(np.float32)
-    return (maps, known.given, _filled(planes.values), planes.quality, known.fine, known.inside,
-            known.coarse, evidence.uniqueness, known.right, known.local, known.unique_around,
+    plane = (_filled(planes.values), planes.quality, _filled(planes.behind), planes.slant,
+             planes.misfit)
+    return (maps, known.given, plane, known.fine, known.inside, known.coarse,
+            evidence.uniqueness, known.right, known.local, known.unique_around,
             known.disagreement, known.image, RING, allowed, evidence.scale)
 
 
@@ -228,7 +240,10 @@ def _local_roughness(given: FloatMap) -> FloatMap:
     """Log of the mean bend of the map around every pixel, about -2.6..2."""
     bend = roughness(given)
     known = np.isfinite(bend).astype(np.float32)
-    size = (LOCAL_WINDOW, LOCAL_WINDOW)
-    total = cv2.blur(np.nan_to_num(bend), size, borderType=cv2.BORDER_REFLECT)
-    share = cv2.blur(known, size, borderType=cv2.BORDER_REFLECT)
+    total, share = _mean(np.nan_to_num(bend), LOCAL_WINDOW), _mean(known, LOCAL_WINDOW)
     return np.log(total / np.maximum(share, np.float32(0.05)) + np.float32(0.01)) + np.float32(2)
+
+
+def _mean(values: FloatMap, window: int) -> FloatMap:
+    """Average over a square window, the map mirrored at its borders."""
+    return cv2.blur(values, (window, window), borderType=cv2.BORDER_REFLECT).reshape(values.shape)

@@ -17,7 +17,7 @@
 from numba import njit
 import numpy as np
 
-from stereo_refine_ros.refinement.tuning import ALIKE, COLOR_SCALE, STEP
+from stereo_refine_ros.refinement.tuning import ALIKE, COLOR_SCALE
 
 NONE = np.float32(-1e6)  # stands for a missing disparity where NaN would cost time
 
@@ -36,63 +36,84 @@ def roughness_kernel(values, bend):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def judge_kernel(start, stop, maps, given, plane, quality, fine, inside, coarse, uniqueness,
-                  right, local, unique_around, disagreement, image, ring, allowed,  # noqa: E127
-                  scale, table, odds):  # noqa: E127
-    """Fill rows start..stop of `odds` (K, H, W)."""
+def judge_kernel(start, stop, maps, given, plane, fine, inside, coarse, uniqueness, right, local,
+                 unique_around, disagreement, image, ring, allowed, scale, tables, odds):
+    """Fill rows start..stop of `odds` (T, K, H, W) by each of T tables of coefficients."""
     count, height, width = maps.shape
+    planes, quality, behind, slant, misfit = plane
     reach = (fine.shape[1] - width) // 2
     weight = np.empty(width, np.float32)
     known, every = np.empty(width, np.float32), np.empty(width, np.float32)
     agreeing = np.empty((count, width), np.float32)
-    beside, seen = np.empty(width + 4, np.float32), np.empty(width, np.float32)
+    beside, seen = np.empty(width + 2, np.float32), np.empty(width, np.float32)
     partner = np.empty(width, np.int32)
+    hole, border = np.empty(width, np.float32), np.empty(width, np.float32)
     for y in range(start, stop):
         _count_votes(y, reach, maps, fine, inside, image, ring, allowed, weight, known, every,
                      agreeing)
+        _find_holes(given[y], hole, border)
         matched = fine[y + reach, reach:reach + width]
         for k in range(count):
-            here, total = maps[k, y], odds[k, y]
-            beside[2:width + 2] = here
-            beside[:2] = here[0]
-            beside[width + 2:] = here[width - 1]
-            _by_votes(agreeing[k], known, every, given[y], table, total)
-            _by_planes(here, plane[y], quality[y], given[y], table, total)
-            _by_the_map(here, given[y], local[y], table, total)
-            _by_matches(here, matched, coarse[y], uniqueness[y], table, total)
-            _by_surroundings(unique_around[y], disagreement[y], table, total)
-            _by_bend(here, maps[k, max(y - 1, 0)], maps[k, min(y + 1, height - 1)], beside, table,
-                     total)
-            _by_step(here, maps[k, max(y - 2, 0)], maps[k, min(y + 2, height - 1)], beside, table,
-                     total)
-            _by_right_view(here, right[y], np.float32(scale), partner, seen, table, total)
-            if k > 0:  # what is as good as the first needs no judgement of its own
-                _as_the_first(here, maps[0, y], odds[0, y], total)
+            here = maps[k, y]
+            above, below = maps[k, max(y - 1, 0)], maps[k, min(y + 1, height - 1)]
+            beside[1:width + 1] = here
+            beside[0], beside[width + 1] = here[0], here[width - 1]
+            for t in range(tables.shape[0]):
+                table, total = tables[t], odds[t, k, y]
+                _by_votes(agreeing[k], known, every, hole, border, table, total)
+                _by_planes(here, planes[y], quality[y], hole, border, table, total)
+                _by_what_is_beside(here, behind[y], hole, border, table, total)
+                _by_the_map(here, given[y], local[y], table, total)
+                _by_matches(here, matched, coarse[y], uniqueness[y], table, total)
+                _by_surroundings(unique_around[y], disagreement[y], slant[y], misfit[y], table,
+                                 total)
+                _by_bend(here, above, below, beside, table, total)
+                _by_right_view(here, right[y], np.float32(scale), partner, seen, table, total)
+                if k > 0:  # what is as good as the first needs no judgement of its own
+                    _as_the_first(here, maps[0, y], odds[t, 0, y], total)
+
+
+@njit(cache=True, nogil=True)
+def _find_holes(given, hole, border):
+    """Mark holes, and those of them that have a given pixel on one side only, or on none."""
+    width = given.shape[0]
+    first, last = width, -1
+    for x in range(width):
+        hole[x] = np.float32(0) if given[x] > NONE else np.float32(1)
+        if given[x] > NONE:
+            first, last = min(first, x), x
+    for x in range(width):
+        border[x] = np.float32(1) if x < first or x > last else np.float32(0)
 
 
 # A loop over few arrays and without jumps fills vector registers; hence one for every kind of
 # evidence, each of which adds its part. `table` is in the order of likelihood.FEATURES.
 @njit(cache=True, nogil=True, error_model='numpy')
-def _by_votes(agreeing, known, every, given, table, total):
+def _by_votes(agreeing, known, every, hole, border, table, total):
     half, one = np.float32(0.5), np.float32(1)
     for x in range(total.shape[0]):
         vote = (agreeing[x] + half) / (known[x] + one) - half
-        hole = np.float32(0) if given[x] > NONE else one
         total[x] = (table[0] + table[1] * vote
                     + table[2] * (known[x] / max(every[x], np.float32(1e-6)) - half)
-                    + table[16] * hole + table[17] * (hole * vote))
+                    + table[14] * hole[x] + table[15] * (hole[x] * vote) + table[18] * border[x])
 
 
 @njit(cache=True, nogil=True)
-def _by_planes(here, plane, quality, given, table, total):
+def _by_planes(here, plane, quality, hole, border, table, total):
     nothing, one = np.float32(0), np.float32(1)
     for x in range(total.shape[0]):
         residual = min(abs(plane[x] - here[x]), one)
         near = quality[x] * (one - residual)
-        hole = nothing if given[x] > NONE else one
-        total[x] += (table[3] * near
-                     + table[4] * (quality[x] if residual >= one else nothing)
-                     + table[5] * residual + table[18] * (hole * near))
+        total[x] += (table[3] * near + table[4] * (quality[x] if residual >= one else nothing)
+                     + table[16] * (hole[x] * near) + table[19] * (border[x] * near))
+
+
+@njit(cache=True, nogil=True)
+def _by_what_is_beside(here, behind, hole, border, table, total):
+    nothing, one = np.float32(0), np.float32(1)
+    for x in range(total.shape[0]):
+        near = max(nothing, one - abs(behind[x] - here[x]))
+        total[x] += table[17] * (hole[x] * near) + table[20] * (border[x] * near)
 
 
 @njit(cache=True, nogil=True)
@@ -100,8 +121,8 @@ def _by_the_map(here, given, local, table, total):
     nothing = np.float32(0)
     for x in range(total.shape[0]):
         is_near = abs(given[x] - here[x]) <= np.float32(1)
-        smooth = table[7] * local[x]
-        far = table[6] + table[8] * local[x]
+        smooth = table[6] * local[x]
+        far = table[5] + table[7] * local[x]
         part = smooth if is_near else far
         total[x] += part if given[x] > NONE else nothing
 
@@ -112,14 +133,15 @@ def _by_matches(here, fine, coarse, uniqueness, table, total):
     for x in range(total.shape[0]):
         near = max(nothing, one - abs(fine[x] - here[x]))
         is_off = coarse[x] > NONE and abs(coarse[x] - here[x]) > one
-        total[x] += (table[9] * near + table[10] * (one if is_off else nothing)
-                     + table[11] * (uniqueness[x] if near > nothing else nothing))
+        total[x] += (table[8] * near + table[9] * (one if is_off else nothing)
+                     + table[10] * (uniqueness[x] if near > nothing else nothing))
 
 
 @njit(cache=True, nogil=True)
-def _by_surroundings(unique_around, disagreement, table, total):
+def _by_surroundings(unique_around, disagreement, slant, misfit, table, total):
     for x in range(total.shape[0]):
-        total[x] += table[19] * unique_around[x] + table[20] * disagreement[x]
+        total[x] += (table[21] * unique_around[x] + table[22] * disagreement[x]
+                     + table[23] * slant[x] + table[24] * misfit[x])
 
 
 @njit(cache=True, nogil=True)
@@ -128,17 +150,8 @@ def _by_bend(here, above, below, beside, table, total):
     half, one, two = np.float32(0.5), np.float32(1), np.float32(2)
     for x in range(total.shape[0]):
         down = min(abs(above[x] + below[x] - two * here[x]), one)
-        across = min(abs(beside[x + 1] + beside[x + 3] - two * here[x]), one)
-        total[x] += table[12] * (half * (down + across))
-
-
-@njit(cache=True, nogil=True)
-def _by_step(here, above, below, beside, table, total):
-    """Whether the map steps between a pixel and those two away."""
-    for x in range(total.shape[0]):
-        down = max(abs(above[x] - here[x]), abs(below[x] - here[x]))
-        across = max(abs(beside[x] - here[x]), abs(beside[x + 4] - here[x]))
-        total[x] += table[13] if max(down, across) > np.float32(STEP) else np.float32(0)
+        across = min(abs(beside[x] + beside[x + 2] - two * here[x]), one)
+        total[x] += table[11] * (half * (down + across))
 
 
 @njit(cache=True, nogil=True)
@@ -153,8 +166,8 @@ def _by_right_view(here, right, scale, partner, seen, table, total):
     for x in range(width):
         is_seen = partner[x] >= first and partner[x] <= last
         is_behind = seen[x] > NONE and seen[x] < here[x] - np.float32(1)
-        part = table[14] if is_behind else np.float32(0)
-        total[x] += part if is_seen else table[15]
+        part = table[12] if is_behind else np.float32(0)
+        total[x] += part if is_seen else table[13]
 
 
 @njit(cache=True, nogil=True)

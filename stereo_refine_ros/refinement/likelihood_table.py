@@ -15,49 +15,57 @@
 """Coefficients of the likelihood: made by scripts/fit_likelihood.py."""
 
 PAIR = (
-    -1.5184,  # bias
-    2.1837,  # vote
-    0.2085,  # around
-    1.6165,  # plane_near
-    -0.7611,  # plane_far
-    0.5670,  # plane_residual
-    -0.5405,  # given_far
-    -0.3502,  # smooth_given
-    0.3003,  # smooth_ungiven
-    1.0025,  # fine_near
-    -0.6201,  # coarse_far
-    0.5856,  # uniqueness
-    -0.6391,  # bend
-    0.0067,  # step
-    -0.5070,  # transparent
-    0.2130,  # unseen
-    -0.0384,  # hole
-    0.9038,  # hole_vote
-    -0.2578,  # hole_plane
-    0.3939,  # uniqueness_around
-    0.0830,  # disagreement_around
+    -1.4516,  # bias
+    2.2485,  # vote
+    0.1058,  # around
+    1.0273,  # plane_near
+    -0.5841,  # plane_far
+    -0.5571,  # given_far
+    -0.3788,  # smooth_given
+    0.2827,  # smooth_ungiven
+    1.0407,  # fine_near
+    -0.5896,  # coarse_far
+    0.5783,  # uniqueness
+    -0.5930,  # bend
+    -0.4973,  # transparent
+    0.0589,  # unseen
+    -0.0947,  # hole
+    0.9386,  # hole_vote
+    -0.7152,  # hole_plane
+    0.4144,  # hole_behind
+    -0.3339,  # border
+    0.8469,  # border_plane
+    0.0354,  # border_behind
+    0.7059,  # uniqueness_around
+    0.2683,  # disagreement_around
+    0.4502,  # slant
+    -0.4326,  # misfit
 )
 
 ALONE = (
-    -1.1854,  # bias
-    2.1812,  # vote
-    0.9388,  # around
-    2.9333,  # plane_near
-    -0.9329,  # plane_far
-    0.8569,  # plane_residual
-    -0.2641,  # given_far
-    -0.2896,  # smooth_given
-    0.3014,  # smooth_ungiven
-    1.5742,  # fine_near
+    -0.7024,  # bias
+    2.5447,  # vote
+    1.4453,  # around
+    2.0041,  # plane_near
+    -0.5016,  # plane_far
+    -0.2721,  # given_far
+    -0.2428,  # smooth_given
+    0.2573,  # smooth_ungiven
+    1.4683,  # fine_near
     0.0000,  # coarse_far
     0.0000,  # uniqueness
-    -0.5432,  # bend
-    -0.4478,  # step
+    -0.7098,  # bend
     0.0000,  # transparent
-    -0.5205,  # unseen
-    1.5831,  # hole
-    -0.0409,  # hole_vote
-    -1.2143,  # hole_plane
+    -0.9359,  # unseen
+    1.2457,  # hole
+    -0.1809,  # hole_vote
+    -1.1032,  # hole_plane
+    0.3857,  # hole_behind
+    0.4742,  # border
+    0.5414,  # border_plane
+    -0.2099,  # border_behind
     0.0000,  # uniqueness_around
-    -1.1854,  # disagreement_around
+    -0.7024,  # disagreement_around
+    0.1926,  # slant
+    -1.1232,  # misfit
 )

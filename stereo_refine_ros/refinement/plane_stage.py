@@ -26,6 +26,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stereo_refine_ros.graph.segment_graph import SegmentGraph
 from stereo_refine_ros.levels import Choice
@@ -33,7 +34,8 @@ from stereo_refine_ros.params import PlaneParams
 from stereo_refine_ros.refinement.candidates import propose
 from stereo_refine_ros.refinement.choice import choose, settle, take
 from stereo_refine_ros.refinement.filling import fill_from_background
-from stereo_refine_ros.refinement.likelihood import Evidence, log_odds, PlaneMap, survey
+from stereo_refine_ros.refinement.likelihood import (
+    Evidence, log_odds, misfit_around, PlaneMap, survey)
 from stereo_refine_ros.refinement.plane_sharing import adopt_planes, merge_coplanar
 from stereo_refine_ros.refinement.planes import fit_planes
 from stereo_refine_ros.refinement.projection import fill_along_planes, plane_disparities
@@ -90,7 +92,8 @@ def project_off(stage: PlaneStage, params: PlaneParams, threads: int = 1) -> Pro
     """Leave the planes out: the segments have none, and the map stays as it came."""
     segments = unfitted(stage.graph.labels, stage.graph.count)
     unknown = np.full_like(stage.given, np.nan)
-    nothing = PlaneMap(unknown, np.zeros_like(stage.given), unknown, unknown)
+    zero = np.zeros_like(stage.given)
+    nothing = PlaneMap(unknown, zero, unknown, unknown, zero, zero)
     nowhere = np.zeros(stage.given.shape, np.bool_)
     return _literal(stage, stage.given, nowhere, nothing, segments, threads)
 
@@ -110,9 +113,10 @@ def project_full(stage: PlaneStage, params: PlaneParams, threads: int = 1) -> Pr
         stage.graph.labels, unbounded, stage.lowest, stage.highest, threads)
     segments = PlaneSegmentation(
         stage.graph.labels, np.ascontiguousarray(planes[:, :3]), is_fitted, fits.inlier_ratio)
-    quality = np.where(is_fitted, fits.inlier_ratio, 0).astype(np.float32)[stage.graph.labels]
+    quality = np.where(is_fitted, fits.inlier_ratio, 0).astype(np.float32)
     return _literal(stage, np.where(np.isnan(values), stage.given, values), ~np.isnan(values),
-                    PlaneMap(values, quality, values, values), segments, threads)
+                    _plane_map(stage, planes, quality, values, (values, values)), segments,
+                    threads)
 
 
 def project_guarded(stage: PlaneStage, params: PlaneParams, threads: int = 1) -> Projected:
@@ -145,7 +149,17 @@ def share_planes(stage: PlaneStage, params: PlaneParams, threads: int,
     beside = fill_along_planes(stage.given, graph.labels, planes, *span, threads)
     segments = PlaneSegmentation(graph.labels, np.ascontiguousarray(planes[:, :3]), is_fitted,
                                  fits.inlier_ratio, shared.index)
-    return segments, PlaneMap(values, quality.astype(np.float32)[graph.labels], *beside)
+    return segments, _plane_map(stage, planes, quality.astype(np.float32), values, beside)
+
+
+def _plane_map(stage: PlaneStage, planes: NDArray[np.float64], quality: NDArray[np.float32],
+               values: FloatMap, beside: tuple[FloatMap, FloatMap]) -> PlaneMap:
+    """Spread over the pixels what is known of the planes of their segments."""
+    slopes = np.nan_to_num(np.abs(planes[:, :2])).sum(axis=1) / stage.evidence.scale
+    labels = stage.graph.labels
+    return PlaneMap(values, quality[labels], *beside,
+                    np.minimum(slopes, 1).astype(np.float32)[labels],
+                    misfit_around(stage.evidence.fine, values))
 
 
 def _literal(stage: PlaneStage, values: FloatMap, is_moved: np.ndarray, planes: PlaneMap,

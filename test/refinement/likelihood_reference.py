@@ -22,14 +22,14 @@ import numpy as np
 
 from stereo_refine_ros.refinement.likelihood import FEATURES
 from stereo_refine_ros.refinement.tuning import (
-    AROUND_WINDOW, COLOR_SCALE, LOCAL_WINDOW, REACH, REACH_GROWTH, RING, STEP)
+    AROUND_WINDOW, COLOR_SCALE, LOCAL_WINDOW, REACH, REACH_GROWTH, RING, UNIQUE_WINDOW)
 
 
 def features(maps, given, planes, evidence):
     """Return float64 (K, H, W, F), in the order of FEATURES."""
     out = np.empty((*maps.shape, len(FEATURES)))
     local = local_roughness(given)
-    unique_around = window_mean(evidence.uniqueness, AROUND_WINDOW)
+    unique_around = window_mean(evidence.uniqueness, UNIQUE_WINDOW)
     apart = np.minimum(np.abs(evidence.fine - evidence.coarse), 2)
     disagreement = window_mean(np.where(np.isnan(apart), 1, apart), AROUND_WINDOW)
     for k, values in enumerate(maps):
@@ -40,11 +40,16 @@ def features(maps, given, planes, evidence):
                 **of_given(values[y, x], given[y, x], local[y, x]),
                 **of_matches(y, x, values[y, x], evidence),
                 'bias': 1.0,
-                **of_map(values, y, x),
+                'bend': bend_at(values, y, x),
+                'border': float(is_at_border(given[y], x)),
+                'slant': planes.slant[y, x], 'misfit': planes.misfit[y, x],
                 'uniqueness_around': unique_around[y, x],
                 'disagreement_around': disagreement[y, x]}
             found['hole_vote'] = found['hole'] * found['vote']
-            found['hole_plane'] = found['hole'] * found['plane_near']
+            beside = max(0.0, 1 - abs(np.nan_to_num(planes.behind[y, x], nan=1e9) - values[y, x]))
+            for kind in ('hole', 'border'):
+                found[f'{kind}_plane'] = found[kind] * found['plane_near']
+                found[f'{kind}_behind'] = found[kind] * beside
             out[k, y, x] = [found[name] for name in FEATURES]
     return out
 
@@ -72,8 +77,7 @@ def votes(y, x, z, evidence):
 def of_planes(z, plane, quality):
     """Return what the plane says."""
     residual = 1.0 if math.isnan(plane) else min(abs(plane - z), 1.0)
-    return {'plane_near': quality * (1 - residual), 'plane_far': quality * (residual >= 1),
-            'plane_residual': residual}
+    return {'plane_near': quality * (1 - residual), 'plane_far': quality * (residual >= 1)}
 
 
 def of_given(z, given, local):
@@ -117,15 +121,20 @@ def bend_of(values):
     return bend
 
 
-def of_map(values, y, x):
-    """Return how bent the map is at a pixel, and whether it steps near it."""
+def is_at_border(row, x):
+    """Whether nothing was given to the left of a pixel, or nothing to its right, or itself."""
+    known = np.isfinite(row)
+    return not known[x] and not (known[:x].any() and known[x:].any())
+
+
+def bend_at(values, y, x):
+    """Mean of both second differences of a map at a pixel, each at most 1."""
     def at(down, right):
         height, width = values.shape
         return float(values[min(max(y + down, 0), height - 1), min(max(x + right, 0), width - 1)])
     here = at(0, 0)
     bends = [min(abs(at(-v, -u) + at(v, u) - 2 * here), 1) for v, u in ((1, 0), (0, 1))]
-    steps = [abs(at(v, u) - here) for v, u in ((-2, 0), (2, 0), (0, -2), (0, 2))]
-    return {'bend': sum(bends) / 2, 'step': float(max(steps) > STEP)}
+    return sum(bends) / 2
 
 
 def window_mean(values, size):

@@ -28,7 +28,8 @@ def row(*values):
 
 
 def planes_of(values, behind, before):
-    return PlaneMap(values, np.ones_like(values), behind, before)
+    one = np.ones_like(values)
+    return PlaneMap(values, one, behind, before, one, one)
 
 
 def evidence_of(fine, coarse, has_right=True):

@@ -50,7 +50,8 @@ def random_world(seed, scale=1, is_grey=False, has_right=True):
         rng.uniform(0, 2, SHAPE).astype(np.float32),
         holed(rng, noise(2), 0.3) if has_right else unknown, has_right)
     planes = PlaneMap(holed(rng, noise(), 0.2), rng.uniform(0, 1, SHAPE).astype(np.float32),
-                      unknown, unknown)
+                      holed(rng, noise(), 0.3), unknown,
+                      *rng.uniform(0, 1, (2, *SHAPE)).astype(np.float32))
     maps = np.stack([noise(), noise(2), noise() + 8]).astype(np.float32)
     return maps, holed(rng, noise(), 0.4), planes, evidence
 
@@ -121,10 +122,11 @@ def flat_world(fine, z=5.0, image=None):
     """Return a world whose image is flat, and whose only map says z everywhere."""
     shape = fine.shape
     unknown = np.full(shape, np.nan, np.float32)
+    zero = np.zeros(shape, np.float32)
     image = np.full(shape, 90, np.uint8) if image is None else image
     evidence = Evidence(image, 1, np.float32(fine), unknown, np.zeros(shape, np.float32), unknown)
     return (np.full((1, *shape), z, np.float32), unknown,
-            PlaneMap(unknown, np.zeros(shape, np.float32), unknown, unknown), evidence)
+            PlaneMap(unknown, zero, unknown, unknown, zero, zero), evidence)
 
 
 def test_by_hand_neighbours_vote():
@@ -162,7 +164,6 @@ def test_by_hand_of_one_pixel():
     maps[:, :, 4] = 3.0
     found = dict(zip(FEATURES, features_at(maps, given, planes, evidence)[0, 1, 3], strict=True))
     assert found['fine_near'] == 0.75 and found['uniqueness'] == 1.5
-    assert found['plane_residual'] == 0.25
     assert found['plane_near'] == pytest.approx(0.6) and found['plane_far'] == 0
     assert (found['given_far'], found['hole'], found['coarse_far']) == (0, 0, 1)
     assert found['unseen'] == 1  # column 3 - 5 lies outside the right view
