@@ -33,8 +33,10 @@ import multiprocessing
 from pathlib import Path
 import sys
 
+import cv2
 from field_peers import peer_maps
-from field_report import print_report
+from field_pictures import draw_changes
+from field_report import print_report, worse_rows
 from field_rows import as_json, FieldRow, measure_row, PEER
 from field_scenes import (
     FieldScene, NETWORK, read_field_scene, scene_folders, SETS)
@@ -57,6 +59,7 @@ class Options:
     threads: int | None
     peers: bool
     contrib_python: str | None
+    pictures: Path | None = None
 
 
 def measure_scene(task: tuple[Path, str], options: Options) -> list[FieldRow]:
@@ -81,7 +84,11 @@ def _refined(scene: FieldScene, options: Options) -> Iterator[FieldRow]:
             result = StereoRefiner(load_preset(preset, values)).process(
                 scene.left, scene.right, scene.network if name == NETWORK else None,
                 options.threads)
-            yield measure_row(scene, name, preset, result)
+            row = measure_row(scene, name, preset, result)
+            if options.pictures is not None and worse_rows([row]):
+                cv2.imwrite(str(options.pictures / f'{scene.name}_{name}_{preset}.jpg'),
+                            draw_changes(scene, result))
+            yield row
 
 
 def measure_all(tasks: Sequence[tuple[Path, str]], options: Options, workers: int
@@ -113,7 +120,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     root = args.data or find_data().parent
     tasks = [(folder, group) for group in args.sets for folder in scene_folders(root, group)]
     options = Options(args.presets, args.maps, args.threads, args.peers or bool(
-        args.contrib_python), args.contrib_python)
+        args.contrib_python), args.contrib_python, args.pictures)
+    if args.pictures:
+        args.pictures.mkdir(parents=True, exist_ok=True)
     rows = measure_all(tasks, options, args.workers)
     worse = print_report(rows)
     if args.json:
@@ -136,6 +145,8 @@ def _parser() -> argparse.ArgumentParser:
                         help='SGBM 3-way and a weighted median on it, beside ours')
     parser.add_argument('--contrib-python',
                         help='python of an environment with opencv-contrib: its filters too')
+    parser.add_argument('--pictures', type=Path,
+                        help='folder for a picture of every map that became worse')
     parser.add_argument('--json', type=Path, help='write one row a scene, map and preset there')
     parser.add_argument('--check', action='store_true',
                         help='end with 1 where a scene became worse')
