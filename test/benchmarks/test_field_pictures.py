@@ -24,7 +24,7 @@ from stereo_refine_ros.types import DisparityMap
 
 def test_what_was_mended_and_what_was_spoilt_have_their_colours():
     truth = np.full((1, 5), 10, np.float32)
-    given, after = np.float32([[10, 20, 10, 20, 10]]), np.float32([[10, 10, 20, 20, 10]])
+    given, after = np.float32([[10, 4, 10, 4, 10]]), np.float32([[10, 10, 4, 4, 10]])
     truth[0, 4] = np.nan
     after[0, 4] = 30  # unknown truth: neither
     scene = SimpleNamespace(
