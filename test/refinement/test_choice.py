@@ -17,7 +17,7 @@
 import numpy as np
 import pytest
 
-from stereo_refine_ros.refinement.choice import choose, settle
+from stereo_refine_ros.refinement.choice import choose, settle, take
 from stereo_refine_ros.refinement.tuning import ALIKE, MARGIN_HOLE, MARGINS
 
 SHAPE = (12, 16)
@@ -139,3 +139,12 @@ def test_odds_settle_half_way_to_their_neighbours():
     settled = settle(odds, edges_around(6, 8), TEXTURE)
     assert settled[6, 8] == pytest.approx(-4, abs=0.5)
     assert np.delete(settled.ravel(), 6 * SHAPE[1] + 8).min() > 1.9
+
+
+@pytest.mark.parametrize('threads', [1, 2])
+def test_what_was_chosen_is_taken(threads):
+    maps = np.random.default_rng(0).random((4, 5, 6)).astype(np.float32)
+    which = np.random.default_rng(1).integers(0, 4, (5, 6), np.uint8)
+    taken = take(maps, which, threads)
+    for y, x in np.ndindex(which.shape):
+        assert taken[y, x] == maps[which[y, x], y, x]

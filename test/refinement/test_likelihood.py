@@ -22,7 +22,7 @@ import pytest
 
 from stereo_refine_ros.refinement import likelihood
 from stereo_refine_ros.refinement.likelihood import (
-    Evidence, FEATURES, features_at, log_odds, PlaneMap, probability, roughness)
+    Evidence, FEATURES, features_at, log_odds, misfit_around, PlaneMap, probability, roughness)
 from stereo_refine_ros.refinement.tuning import ALIKE
 
 SHAPE = (12, 20)
@@ -194,3 +194,12 @@ def test_odds_become_probabilities():
     odds = np.float32([-np.inf, -40, 0, np.log(3), 40])
     np.testing.assert_allclose(probability(odds), [0, 0, 0.5, 0.75, 1], atol=1e-6)
     assert probability(odds).dtype == np.float32
+
+
+def test_misfit_is_the_mean_distance_from_planes_where_both_are_known():
+    fine, planes = np.full((30, 30), 5, np.float32), np.full((30, 30), 5.5, np.float32)
+    np.testing.assert_allclose(misfit_around(fine, planes), 0.5, rtol=1e-6)
+    np.testing.assert_allclose(misfit_around(fine, planes + 7), 1, rtol=1e-6)
+    fine[:, 15:] = np.nan  # unknown ones count neither way
+    np.testing.assert_allclose(misfit_around(fine, planes)[:, :20], 0.5, rtol=1e-5)
+    assert misfit_around(fine, planes)[0, 29] == 0
