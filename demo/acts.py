@@ -21,8 +21,8 @@ from dataclasses import dataclass
 
 from stereo_refine_ros.datasets import find_data, load_scene, render_scene, Scene
 
-# Of the sizes of small cameras, the first that is found: 741 x 497 and 718 x 496.
-CAMERA_SIZE_SCENES = ('Motorcycle', 'Playroom', 'Adirondack')
+# Of the sizes of small cameras, the first that is found: 699 x 476, 741 x 497 and 718 x 496.
+CAMERA_SIZE_SCENES = ('Playroom', 'Motorcycle', 'Adirondack')
 ROW_OFFSET_PX = 1.5
 SYNTHETIC = 'synthetic'
 
