@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from field_scenes import fill_along_rows, FieldScene, THRESHOLDS
+from field_scenes import FieldScene, fill_along_rows, THRESHOLDS
 import numpy as np
 from stereo_refine_ros.evaluation.pictures import color_disparity
 from stereo_refine_ros.images import to_bgr, to_grey
