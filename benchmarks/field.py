@@ -33,7 +33,6 @@ import multiprocessing
 from pathlib import Path
 import sys
 
-import cv2
 from field_peers import peer_maps
 from field_pictures import draw_changes
 from field_report import print_report, worse_rows
@@ -41,6 +40,7 @@ from field_rows import as_json, FieldRow, measure_row, PEER
 from field_scenes import (
     FieldScene, NETWORK, read_field_scene, scene_folders, SETS)
 from stereo_refine_ros.datasets import find_data
+from stereo_refine_ros.evaluation.pictures import write_picture
 from stereo_refine_ros.evaluation.progress import Progress
 from stereo_refine_ros.memory import keep_freed_memory
 from stereo_refine_ros.params import load_preset, PRESETS
@@ -86,8 +86,8 @@ def _refined(scene: FieldScene, options: Options) -> Iterator[FieldRow]:
                 options.threads)
             row = measure_row(scene, name, preset, result)
             if options.pictures is not None and worse_rows([row]):
-                cv2.imwrite(str(options.pictures / f'{scene.name}_{name}_{preset}.jpg'),
-                            draw_changes(scene, result))
+                write_picture(options.pictures / f'{scene.name}_{name}_{preset}.jpg',
+                              draw_changes(scene, result))
             yield row
 
 

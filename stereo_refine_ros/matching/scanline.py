@@ -34,8 +34,6 @@ from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.threads import run_bands, start
 from stereo_refine_ros.types import DisparityMap, StereoPair
 
-__all__ = ['Scan', 'match_scanline', 'scan', 'without_islands']
-
 # Powers of two: vectors of other widths are taken apart, 96 lanes cost more than 128 do.
 _LANES = (32, 64, 128, 256)
 # Rows of a band, about: by the height alone, so that the result does not depend on the number of

@@ -24,6 +24,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.images import to_grey
 from stereo_refine_ros.rectification import tuning
 from stereo_refine_ros.rectification.point_matching import match_points
 from stereo_refine_ros.rectification.robust_fit import fit_rows
@@ -195,5 +196,4 @@ def _grid(height: int, width: int) -> tuple[NDArray[np.float64], NDArray[np.floa
 
 
 def _grey(image: Image) -> Image:
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    return np.ascontiguousarray(grey)
+    return np.ascontiguousarray(to_grey(image))

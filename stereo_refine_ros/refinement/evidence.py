@@ -22,8 +22,9 @@ import numpy as np
 
 from stereo_refine_ros.images import halve
 from stereo_refine_ros.levels import halve_pair, repeated, to_grid
+from stereo_refine_ros.matching.islands import without_islands
 from stereo_refine_ros.matching.match import Match, Scan
-from stereo_refine_ros.matching.scanline import scan, without_islands
+from stereo_refine_ros.matching.scanline import scan
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.refinement.likelihood import Evidence
 from stereo_refine_ros.types import FloatMap, Image, StereoPair

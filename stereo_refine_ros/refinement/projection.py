@@ -81,11 +81,11 @@ def _fill_kernel(start, stop, values, labels, planes, low, high, background, for
             for z in range(first, x):
                 left = _extend(y, z, first - 1, values, labels, planes, low, high)
                 right = _extend(y, z, x, values, labels, planes, low, high)
-                # A minimum may lose a NaN: the border of the view, beyond which nothing is.
-                background[y, z] = right if first == 0 else (
-                    left if x == width else min(left, right))
-                foreground[y, z] = right if first == 0 else (
-                    left if x == width else max(left, right))
+                if first == 0:  # the border of the view, beyond which nothing is
+                    left = right
+                elif x == width:
+                    right = left
+                background[y, z], foreground[y, z] = min(left, right), max(left, right)
 
 
 @njit(cache=True, nogil=True)
