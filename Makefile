@@ -26,6 +26,8 @@ OLDEST_PIP := $(OLDEST_VENV)/bin/python $(PIP_INSTALL)
 
 # Tests of the kernels: run compiled with all others, and once more as plain Python.
 KERNEL_TESTS := $(wildcard test/graph test/matching test/refinement test/quality)
+# Two processes, a file of tests at a time, in the order of the folders: many tests wait.
+SIDE_BY_SIDE := -n 2 --dist loadfile --no-loadscope-reorder
 # All that needs no ROS.
 CORE_TESTS := $(KERNEL_TESTS) $(wildcard test/evaluation test/datasets test/rectification test/health \
 	test/test_images.py test/test_levels.py $(wildcard test/test_pipeline*.py) test/test_decoding.py test/test_params.py \
@@ -55,11 +57,11 @@ demo: $(RUN_STAMP)
 	$(BIN)/python -m demo
 
 test: $(TEST_STAMP)
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -m 'not compiled' $(KERNEL_TESTS)
-	$(BIN)/python -m pytest
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -m 'not compiled' $(SIDE_BY_SIDE) $(KERNEL_TESTS)
+	$(BIN)/python -m pytest $(SIDE_BY_SIDE)
 
 test-oldest: $(OLDEST_VENV)/.installed
-	$(OLDEST_VENV)/bin/python -m pytest -m 'not ros' $(CORE_TESTS)
+	$(OLDEST_VENV)/bin/python -m pytest -m 'not ros' $(SIDE_BY_SIDE) $(CORE_TESTS)
 
 # Kernels are seen by coverage only as plain Python; the rest runs compiled, in all its processes.
 coverage: $(TEST_STAMP)

@@ -24,6 +24,7 @@ import subprocess
 import sys
 from types import TracebackType
 
+from stereo_refine_ros.dds_domain import claim_domain
 from stereo_refine_ros.dds_profile import profile_variables
 
 _END_S = 8.0
@@ -42,7 +43,7 @@ def dds_environment(config: Path) -> dict[str, str]:
     images shared memory large enough for them.
     """
     variables = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-                 'ROS_DOMAIN_ID': str(50 + os.getpid() % 50)}
+                 'ROS_DOMAIN_ID': claim_domain()}
     return {**profile_variables(config, {}), **variables}
 
 

@@ -39,6 +39,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from stereo_msgs.msg import DisparityImage
+from stereo_refine_ros.dds_domain import claim_domain
 from stereo_refine_ros.messages.scene import (
     camera_info_messages, image_message, nominal_geometry, scene_header)
 
@@ -159,7 +160,7 @@ def main() -> int:
     parser.add_argument('--stages', default=','.join(STAGES))
     parser.add_argument('--seed', type=int, default=0)
     options = parser.parse_args()
-    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
+    os.environ.setdefault('ROS_DOMAIN_ID', claim_domain())
     return int(measure(options.times, tuple(options.stages.split(',')), options.seed) > 0)
 
 

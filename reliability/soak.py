@@ -46,6 +46,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
+from stereo_refine_ros.dds_domain import claim_domain
 
 CAMERA = Path(__file__).with_name('soak_camera.py')
 CHANGES: dict[str, tuple[Any, ...]] = {
@@ -238,7 +239,7 @@ def main() -> int:
     parser.add_argument('--fault-rate', type=float, default=0.1, help='faults per set')
     parser.add_argument('--seed', type=int, default=0)
     options = parser.parse_args()
-    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
+    os.environ.setdefault('ROS_DOMAIN_ID', claim_domain())
     rclpy.init()
     with tempfile.TemporaryDirectory() as folder:
         soak = Soak(options, Path(folder) / 'camera.log')

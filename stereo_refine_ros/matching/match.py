@@ -21,7 +21,8 @@ import math
 
 import numpy as np
 
-from stereo_refine_ros.types import DisparityMap, FloatMap
+from stereo_refine_ros.threads import Task
+from stereo_refine_ros.types import DisparityMap, FloatMap, Image
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,21 @@ class Scan:
     disparity: FloatMap
     uniqueness: FloatMap
     right: FloatMap
+
+
+@dataclass(frozen=True, eq=False)
+class HalfMatch:
+    """
+    The left view at half size, and its match there, in pixels of the full size.
+
+    `scan.disparity` is without small islands, and inside the range.
+    """
+
+    image: Image
+    scan: Scan
+
+
+HalfTask = Task['HalfMatch | None']
 
 
 @dataclass(frozen=True, eq=False)

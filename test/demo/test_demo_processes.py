@@ -14,6 +14,7 @@
 
 """The demo's processes are watched and ended, and its messages stay on the host."""
 
+import os
 import signal
 import subprocess
 from types import SimpleNamespace
@@ -30,7 +31,7 @@ CONFIG = preset_path('live').parent
 def test_messages_stay_on_the_host_in_a_domain_of_their_own():
     variables = dds_environment(CONFIG)
     assert variables['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
-    assert 50 <= int(variables['ROS_DOMAIN_ID']) < 100
+    assert variables['ROS_DOMAIN_ID'] != os.environ['ROS_DOMAIN_ID']
 
 
 @pytest.mark.parametrize('free, is_used', [(1 << 30, True), (64 << 20, False)])

@@ -30,9 +30,6 @@ import sys
 import tempfile
 import time
 
-os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-os.environ.setdefault('ROS_DOMAIN_ID', str(100 + os.getpid() % 100))
-
 from builtin_interfaces.msg import Time  # noqa: E402
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402

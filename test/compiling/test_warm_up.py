@@ -78,19 +78,26 @@ def test_what_was_compiled_is_counted():
     assert len(told) == 2
 
 
-def test_a_child_compiles_all_that_a_frame_needs_and_only_once(tmp_path, monkeypatch):
-    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
-    steps = []
-    warm_up.compile_apart(load_preset('live'), steps.append)
+@pytest.fixture(scope='module')
+def compiled(tmp_path_factory):
+    """Let a child compile `live` into an empty folder, as a node does at its first start."""
+    folder, steps = tmp_path_factory.mktemp('kernels'), []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('NUMBA_CACHE_DIR', str(folder))
+        warm_up.compile_apart(load_preset('live'), steps.append)
     assert named(steps) == [
         'kernels for colour images (1 of 2)', 'kernels for grey images (2 of 2)']
-    made = kernels(tmp_path)
+    return folder
+
+
+def test_a_child_compiles_all_that_a_frame_needs_and_only_once(compiled, monkeypatch):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(compiled))
+    made, steps = kernels(compiled), []
     assert len(made) > 50
-    steps.clear()
     warm_up.compile_apart(load_preset('live'), steps.append)
     assert steps == []
     subprocess.run([sys.executable, '-c', FRAME], check=True, timeout=60)
-    assert kernels(tmp_path) == made
+    assert kernels(compiled) == made
 
 
 def test_the_compiler_ends_with_its_parent(tmp_path):
@@ -120,25 +127,23 @@ def test_where_no_process_may_be_started_the_first_call_compiles(tmp_path, monke
     assert 'nothing' in steps[0] and not any(tmp_path.iterdir())
 
 
-def test_the_command_compiles_a_preset_once_for_this_processor(tmp_path):
-    command = [sys.executable, '-m', 'stereo_refine_ros.warm_up', '--preset', 'live']
-    environment = {**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)}
-    runs = [subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
-            for _ in range(2)]
-    assert [done.returncode for done in runs] == [0, 0], runs[0].stderr
-    assert named(runs[0].stdout.splitlines()) == [
-        'live: kernels for colour images (1 of 2)', 'live: kernels for grey images (2 of 2)',
-        f'kernels are in {tmp_path}']
-    assert runs[1].stdout.splitlines() == [
-        'live: kernels are there', f'kernels are in {tmp_path}']
+def test_the_command_compiles_a_preset_once_for_this_processor(compiled, tmp_path):
+    command = [sys.executable, '-u', '-m', 'stereo_refine_ros.warm_up', '--preset', 'live']
+    environment = {**os.environ, 'NUMBA_CACHE_DIR': str(compiled)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stdout.splitlines()) == (
+        0, ['live: kernels are there', f'kernels are in {compiled}']), done.stderr
     started = subprocess.run(
         [sys.executable, '-c', PARENT], env=environment, capture_output=True, text=True)
     assert started.stdout == ''
-    with subprocess.Popen(
-            [sys.executable, '-c', PARENT], stdout=subprocess.PIPE, text=True,
-            env={**environment, 'NUMBA_CPU_NAME': 'nehalem', 'NUMBA_CPU_FEATURES': ''}) as other:
-        assert other.stdout.readline() == 'kernels for colour images (1 of 2)\n'
-        other.kill()
+    of_another = {**environment, 'NUMBA_CPU_NAME': 'nehalem', 'NUMBA_CPU_FEATURES': ''}
+    elsewhere = {**environment, 'NUMBA_CACHE_DIR': str(tmp_path)}
+    for call, found, said in (
+            ([sys.executable, '-c', PARENT], of_another, 'kernels for colour images (1 of 2)\n'),
+            (command, elsewhere, 'live: kernels for colour images (1 of 2)\n')):
+        with subprocess.Popen(call, stdout=subprocess.PIPE, text=True, env=found) as other:
+            assert other.stdout.readline() == said
+            other.kill()
 
 
 def test_the_command_compiles_every_preset_by_default(monkeypatch):

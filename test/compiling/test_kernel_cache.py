@@ -28,7 +28,7 @@ from stereo_refine_ros import KERNELS
 from stereo_refine_ros.kernel_cache import use_versioned_cache
 
 pytestmark = pytest.mark.compiled
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 OTHER_PROCESSOR = {'NUMBA_CPU_NAME': 'nehalem', 'NUMBA_CPU_FEATURES': ''}
 
 MEASURE = """
