@@ -46,10 +46,9 @@ from stereo_refine_ros.health.pair import PairExaminer  # noqa: E402
 from stereo_refine_ros.levels import grid_scale, to_grid  # noqa: E402
 from stereo_refine_ros.matching import compute_match  # noqa: E402
 from stereo_refine_ros.matching.match import Match  # noqa: E402
-from stereo_refine_ros.matching.scanline import match_half  # noqa: E402
 from stereo_refine_ros.params import load_preset, Params  # noqa: E402
 from stereo_refine_ros.refinement.candidates import propose  # noqa: E402
-from stereo_refine_ros.refinement.evidence import gather_evidence  # noqa: E402
+from stereo_refine_ros.refinement.evidence import gather_evidence, match_half  # noqa: E402
 from stereo_refine_ros.refinement.filling import fill_from_background  # noqa: E402
 from stereo_refine_ros.refinement.likelihood import FEATURES, features_at  # noqa: E402
 from stereo_refine_ros.refinement.plane_stage import PlaneStage, share_planes  # noqa: E402
@@ -90,9 +89,8 @@ def rows_of(scene: FieldScene, preset: str, rng: np.random.Generator) -> Iterato
     pair = PairExaminer(params).prepare(StereoPair(scene.left, scene.right), 2).pair
     scale = grid_scale(pair.shape, params.processing.refine_pixels)
     own = compute_match(pair, params.matching, 2)
-    half = match_half(pair, 0, scene.num_disparities)
-    evidence = gather_evidence(
-        pair, own, to_grid(own.disparity.values, scale), half, params.matching, scale, 2)
+    evidence = gather_evidence(pair, own, to_grid(own.disparity.values, scale),
+                               match_half(pair, params.matching), params.matching, scale, 2)
     graph = build_segment_graph(evidence.image, params.segmentation, scale)
     truth = to_grid(scene.truth, scale)
     for given in given_maps(pair, scene, own, params):

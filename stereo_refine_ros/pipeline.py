@@ -26,9 +26,8 @@ from stereo_refine_ros.images import halve
 from stereo_refine_ros.levels import (
     at_full_size, grid_scale, repeated, segments_at_full_size, to_grid)
 from stereo_refine_ros.matching import check_memory, find_match
-from stereo_refine_ros.matching.scanline import match_half
 from stereo_refine_ros.params import Params
-from stereo_refine_ros.refinement.evidence import gather_evidence
+from stereo_refine_ros.refinement.evidence import gather_evidence, match_half
 from stereo_refine_ros.refinement.filters import apply_filter
 from stereo_refine_ros.refinement.likelihood import probability
 from stereo_refine_ros.refinement.plane_stage import (
@@ -86,9 +85,8 @@ class StereoRefiner:
         with clock.timing('matching'):
             prepared = self._examiner.prepare(pair, threads)
             pair = prepared.pair
-            half = start(threads, match_half, pair, params.matching.min_disparity,
-                         params.matching.num_disparities)
-            match = find_match(pair, preliminary, params.matching, threads, half)
+            half = start(threads, match_half, pair, params.matching)
+            match = find_match(pair, preliminary, params.matching, threads)
             given = to_grid(match.disparity.values, scale, threads)
             evidence = gather_evidence(
                 pair, match, given, half.result(), params.matching, scale, threads)

@@ -67,11 +67,9 @@ class Task(Generic[Result]):
         self._future = _pool(threads - 1).submit(call) if threads > 1 else None
 
     def result(self) -> Result:
-        """Return what the call returned; raises what it raised. The call is made once."""
+        """Return what the call returned; raises what it raised."""
         if self._future is None or self._future.cancel():
-            value = self._call()
-            self._future, self._call = None, lambda: value
-            return value
+            return self._call()
         return self._future.result()
 
 

@@ -15,8 +15,8 @@
 """
 Steps 1-3: matching cost, aggregation, disparity selection.
 
-Every matcher is a function `match(pair, params, threads, half) -> Match`, chosen by name from
-`MATCHERS`; `half` is a task that matches at half resolution, for those that look there first.
+Every matcher is a function `match(pair, params, threads) -> Match`, chosen by name from
+`MATCHERS`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import os
 
 import numpy as np
 
-from stereo_refine_ros.matching.match import HalfTask, Match
+from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.opencv_matchers import match_bm, match_sgbm
 from stereo_refine_ros.matching.scanline import match_scanline
 from stereo_refine_ros.matching.tree_matchers import match_non_local, match_segment_tree
@@ -34,7 +34,7 @@ from stereo_refine_ros.matching.tuning import BYTES_PER_CELL, BYTES_PER_PIXEL
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.types import DisparityMap, FloatMap, StereoPair
 
-Matcher = Callable[[StereoPair, MatchingParams, int, 'HalfTask | None'], Match]
+Matcher = Callable[[StereoPair, MatchingParams, int], Match]
 
 MATCHERS: dict[str, Matcher] = {
     'sgbm': match_sgbm,
@@ -50,7 +50,7 @@ TREE_MATCHERS = ('segment_tree', 'non_local')
 
 
 def find_match(pair: StereoPair, given: FloatMap | None, params: MatchingParams,
-               threads: int = 1, half: HalfTask | None = None) -> Match:
+               threads: int = 1) -> Match:
     """
     Take a map from outside, or match the pair where there is none.
 
@@ -61,7 +61,7 @@ def find_match(pair: StereoPair, given: FloatMap | None, params: MatchingParams,
 
     """
     if given is None:
-        return compute_match(pair, params, threads, half)
+        return compute_match(pair, params, threads)
     if not isinstance(given, np.ndarray) or given.shape != pair.shape:
         raise ValueError(f'preliminary: expected a numpy array of shape {pair.shape}, '
                          f'got {getattr(given, "shape", type(given).__name__)}')
@@ -71,8 +71,7 @@ def find_match(pair: StereoPair, given: FloatMap | None, params: MatchingParams,
                  is_own=False)
 
 
-def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1,
-                  half: HalfTask | None = None) -> Match:
+def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
     """
     Run the matcher that `params.method` names.
 
@@ -88,7 +87,7 @@ def compute_match(pair: StereoPair, params: MatchingParams, threads: int = 1,
     if params.method not in MATCHERS:
         raise ValueError(f'matching.method: {params.method!r} is none of {", ".join(MATCHERS)}')
     check_memory(pair, params)
-    return MATCHERS[params.method](pair, params, threads, half)
+    return MATCHERS[params.method](pair, params, threads)
 
 
 def check_memory(pair: StereoPair, params: MatchingParams) -> None:

@@ -21,8 +21,7 @@ import math
 
 import numpy as np
 
-from stereo_refine_ros.threads import Task
-from stereo_refine_ros.types import DisparityMap, FloatMap, Image
+from stereo_refine_ros.types import DisparityMap, FloatMap
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,21 +44,6 @@ class Scan:
     disparity: FloatMap
     uniqueness: FloatMap
     right: FloatMap
-
-
-@dataclass(frozen=True, eq=False)
-class HalfMatch:
-    """
-    The left view at half size, and its match there, in pixels of the full size.
-
-    `scan.disparity` is without small islands, and inside the range.
-    """
-
-    image: Image
-    scan: Scan
-
-
-HalfTask = Task['HalfMatch | None']
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,14 +22,13 @@ import cv2
 import numpy as np
 
 from stereo_refine_ros.images import pad
-from stereo_refine_ros.matching.match import HalfTask, Match
+from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.tuning import BM_BLOCK, OPENCV_CHECKS, SGBM_BLOCK, SGBM_PREFILTER
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.types import DisparityMap, FloatMap, StereoPair
 
 
-def match_sgbm(pair: StereoPair, params: MatchingParams, threads: int = 1,
-               half: HalfTask | None = None) -> Match:
+def match_sgbm(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
     """Match with OpenCV's three-way semi-global matcher; OpenCV keeps its own threads."""
     values_per_block = SGBM_BLOCK ** 2 * pair.left[0, 0].size
     matcher = cv2.StereoSGBM_create(
@@ -39,8 +38,7 @@ def match_sgbm(pair: StereoPair, params: MatchingParams, threads: int = 1,
     return _match(matcher, pair.left, pair.right, params)
 
 
-def match_bm(pair: StereoPair, params: MatchingParams, threads: int = 1,
-             half: HalfTask | None = None) -> Match:
+def match_bm(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
     """Match with OpenCV's block matcher on grey images; OpenCV keeps its own threads."""
     matcher = cv2.StereoBM_create(_rounded(params), BM_BLOCK)
     matcher.setMinDisparity(params.min_disparity)

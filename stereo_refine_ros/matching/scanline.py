@@ -16,22 +16,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.levels import halve_pair
+from stereo_refine_ros.images import halve
 from stereo_refine_ros.matching.features import feature_planes, flat_steps
 from stereo_refine_ros.matching.islands import without_islands
-from stereo_refine_ros.matching.match import HalfMatch, HalfTask, Match, Scan
+from stereo_refine_ros.matching.match import Match, Scan
 from stereo_refine_ros.matching.scanline_paths import (
     band_kernel, totals_size, work_size)
 from stereo_refine_ros.matching.scratch import scratch
 from stereo_refine_ros.matching.tuning import (
-    CENSUS_CAP, EDGE_FACTOR, EDGE_STEP, GRADIENT_CAP, OUT_OF_VIEW, PENALTIES, WINDOW)
+    CENSUS_CAP, EDGE_FACTOR, EDGE_STEP, FULL_RANGE, GRADIENT_CAP, OUT_OF_VIEW, PENALTIES, WINDOW)
 from stereo_refine_ros.matching.vector_twins import LANES_PER_ITEM, PLANES
-from stereo_refine_ros.matching.windows import half_range, needs_windows, windows
+from stereo_refine_ros.matching.windows import half_range, windows
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.threads import run_bands, start
 from stereo_refine_ros.types import DisparityMap, StereoPair
@@ -44,40 +42,22 @@ _BAND_ROWS = 160
 _ONE_WINDOW = np.zeros((1, 1), np.int32)
 
 
-def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1,
-                   half: HalfTask | None = None) -> Match:
+def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
     """
     Match by scanline optimisation.
 
     `disparity` is sub-pixel and NaN where left and right winners differ by more than a step,
-    where another fits as well, and in small islands. `half` finds what `match_half` would.
+    where another fits as well, and in small islands.
     """
-    first, count = params.min_disparity, params.num_disparities
-    known = half.result() if half and needs_windows(pair.shape, count) else None
-    found = scan(pair, first, count, threads, half=known)
+    found = scan(pair, params.min_disparity, params.num_disparities, threads)
     values = without_islands(found.disparity)
     return Match(DisparityMap(values, params.min_disparity, params.num_disparities), scan=found)
 
 
-def match_half(pair: StereoPair, min_disparity: int, num_disparities: int,
-               threads: int = 1) -> HalfMatch | None:
-    """Match a pair at half resolution; None without a right view."""
-    if pair.right is None:
-        return None
-    half = halve_pair(pair)
-    found = scan(half, *half_range(min_disparity, num_disparities), threads)
-    disparity = np.clip(2 * without_islands(found.disparity), min_disparity,
-                        min_disparity + num_disparities - 1)
-    return HalfMatch(half.left, replace(found, disparity=disparity, right=2 * found.right))
-
-
 def scan(pair: StereoPair, min_disparity: int, num_disparities: int, threads: int = 1,
-         edge_step: float = EDGE_STEP, half: HalfMatch | None = None) -> Scan:
+         edge_step: float = EDGE_STEP) -> Scan:
     """
     Match a pair over [min_disparity, min_disparity + num_disparities).
-
-    Where all of the range at every pixel would be too dear, each pixel looks at a window of it
-    around what half resolution found.
 
     Parameters
     ----------
@@ -89,8 +69,6 @@ def scan(pair: StereoPair, min_disparity: int, num_disparities: int, threads: in
         The result does not depend on it.
     edge_step : float, grey levels
         A step of the left view from one pixel to the next of at least this is an edge.
-    half : HalfMatch, optional
-        What `match_half` finds, where it was found before.
 
     Raises
     ------
@@ -101,10 +79,11 @@ def scan(pair: StereoPair, min_disparity: int, num_disparities: int, threads: in
     if pair.right is None:
         raise ValueError('scanline: needs the right image')
     base, count = _ONE_WINDOW, num_disparities
-    if needs_windows(pair.shape, num_disparities):
-        half = half or match_half(pair, min_disparity, num_disparities, threads)
-        assert half is not None
-        base = windows(half.scan.disparity, pair.shape, min_disparity, num_disparities)
+    if num_disparities > FULL_RANGE:
+        half = scan(StereoPair(halve(pair.left), halve(pair.right)),
+                    *half_range(min_disparity, num_disparities), threads, edge_step)
+        base = windows(without_islands(half.disparity), pair.shape, min_disparity,
+                       num_disparities)
         count = WINDOW
     return scan_windows(pair, min_disparity, count, base, threads, edge_step)
 

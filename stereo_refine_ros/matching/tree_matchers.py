@@ -27,7 +27,7 @@ from stereo_refine_ros.graph.trees import aggregate, minimum_tree, PixelTree, se
 from stereo_refine_ros.matching.consistency import left_right_check
 from stereo_refine_ros.matching.cost_volume import truncated_cost
 from stereo_refine_ros.matching.disparity_selection import select_winners, subpixel_offsets
-from stereo_refine_ros.matching.match import HalfTask, Match
+from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.matching.tree_filter import spread_over_tree
 from stereo_refine_ros.matching.tuning import TREE_MEDIAN, TREE_SIGMA
 from stereo_refine_ros.params import MatchingParams
@@ -47,14 +47,12 @@ class _View:
     winners: FloatMap
 
 
-def match_non_local(pair: StereoPair, params: MatchingParams, threads: int = 1,
-                    half: HalfTask | None = None) -> Match:
+def match_non_local(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
     """Match by aggregation on the minimum spanning tree of the image; see `_match_on_tree`."""
     return _match_on_tree(pair, params, minimum_tree, threads)
 
 
-def match_segment_tree(pair: StereoPair, params: MatchingParams, threads: int = 1,
-                       half: HalfTask | None = None) -> Match:
+def match_segment_tree(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
     """Match by aggregation on the segment tree of the image; see `_match_on_tree`."""
     return _match_on_tree(pair, params, segment_tree, threads)
 

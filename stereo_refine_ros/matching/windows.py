@@ -21,17 +21,10 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.matching.tuning import (
-    FULL_RANGE, LARGE, LARGE_RANGE, WINDOW, WINDOW_MARGIN)
+from stereo_refine_ros.matching.tuning import WINDOW, WINDOW_MARGIN
 from stereo_refine_ros.types import FloatMap
 
 _AROUND = np.ones((3, 3), np.uint8)
-
-
-def needs_windows(shape: tuple[int, int], num_disparities: int) -> bool:
-    """Whether all of a range at every pixel of an image (H, W) would be too dear."""
-    is_large = shape[0] * shape[1] * num_disparities > LARGE
-    return num_disparities > FULL_RANGE or (num_disparities > LARGE_RANGE and is_large)
 
 
 def half_range(min_disparity: int, num_disparities: int) -> tuple[int, int]:
@@ -51,7 +44,7 @@ def windows(half: FloatMap, shape: tuple[int, int], min_disparity: int,
 
     Parameters
     ----------
-    half : float32 ndarray of shape (ceil(H / 2), ceil(W / 2)), pixels of the full size
+    half : float32 ndarray of shape (ceil(H / 2), ceil(W / 2)), half-size pixels
         NaN where there is no match.
     shape : tuple of int
         H and W.
@@ -65,7 +58,7 @@ def windows(half: FloatMap, shape: tuple[int, int], min_disparity: int,
 
     """
     filled = np.empty_like(half)
-    _fill_kernel(half, np.float32(min_disparity), filled)
+    _fill_kernel(half, np.float32(min_disparity / 2), filled)
     base = np.empty(half.shape, np.int32)
     _base_kernel(filled, cv2.erode(filled, _AROUND), cv2.dilate(filled, _AROUND), min_disparity,
                  num_disparities - WINDOW, base)
@@ -76,9 +69,8 @@ def windows(half: FloatMap, shape: tuple[int, int], min_disparity: int,
 def _base_kernel(own, least, greatest, min_disparity, last, base):
     for y in range(base.shape[0]):
         for x in range(base.shape[1]):
-            here = np.int32(np.rint(own[y, x]))
-            middle = np.float32(0.5) * (least[y, x] + greatest[y, x])
-            first = np.int32(np.rint(middle)) - WINDOW // 2
+            here = np.int32(np.rint(2 * own[y, x]))
+            first = np.int32(np.rint(least[y, x] + greatest[y, x])) - WINDOW // 2
             first = max(first, here + WINDOW_MARGIN - WINDOW)
             first = min(first, here - WINDOW_MARGIN) - min_disparity
             base[y, x] = min(max(first, 0), last)

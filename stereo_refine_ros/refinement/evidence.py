@@ -16,16 +16,37 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from stereo_refine_ros.images import halve
-from stereo_refine_ros.levels import repeated, to_grid
+from stereo_refine_ros.levels import halve_pair, repeated, to_grid
 from stereo_refine_ros.matching.islands import without_islands
-from stereo_refine_ros.matching.match import HalfMatch, Match
+from stereo_refine_ros.matching.match import Match, Scan
 from stereo_refine_ros.matching.scanline import scan
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.refinement.likelihood import Evidence
 from stereo_refine_ros.types import FloatMap, Image, StereoPair
+
+
+@dataclass(frozen=True, eq=False)
+class HalfMatch:
+    """The left view at half size, and its match there, in pixels of the full size."""
+
+    image: Image
+    scan: Scan
+
+
+def match_half(pair: StereoPair, params: MatchingParams) -> HalfMatch | None:
+    """Match a pair at half resolution; None without a right view."""
+    if pair.right is None:
+        return None
+    first, count = params.min_disparity, params.num_disparities
+    half = halve_pair(pair)
+    found = scan(half, first // 2, -(-count // 2))
+    disparity = np.clip(2 * without_islands(found.disparity), first, first + count - 1)
+    return HalfMatch(half.left, replace(found, disparity=disparity, right=2 * found.right))
 
 
 def gather_evidence(pair: StereoPair, match: Match, given: FloatMap, half: HalfMatch | None,
@@ -38,8 +59,7 @@ def gather_evidence(pair: StereoPair, match: Match, given: FloatMap, half: HalfM
     """
     if half is None:
         return _alone(pair.left if scale == 1 else halve(pair.left), given, scale)
-    fine = match.scan or scan(pair, params.min_disparity, params.num_disparities, threads,
-                              half=half)
+    fine = match.scan or scan(pair, params.min_disparity, params.num_disparities, threads)
     coarse = half.scan
     values = given if match.scan else to_grid(without_islands(fine.disparity), scale, threads)
     if scale == 2:

@@ -20,9 +20,8 @@ import pytest
 from stereo_refine_ros.images import halve
 from stereo_refine_ros.levels import to_grid
 from stereo_refine_ros.matching import compute_match, find_match
-from stereo_refine_ros.matching.scanline import match_half
 from stereo_refine_ros.params import MatchingParams
-from stereo_refine_ros.refinement.evidence import gather_evidence
+from stereo_refine_ros.refinement.evidence import gather_evidence, match_half
 from stereo_refine_ros.types import StereoPair
 
 pytestmark = pytest.mark.compiled  # the matcher's vector steps
@@ -33,8 +32,7 @@ PARAMS = MatchingParams('scanline', 0, 21)
 
 def gather(pair, match, params, scale, threads=1):
     given = to_grid(match.disparity.values, scale)
-    half = match_half(pair, params.min_disparity, params.num_disparities)
-    return gather_evidence(pair, match, given, half, params, scale, threads)
+    return gather_evidence(pair, match, given, match_half(pair, params), params, scale, threads)
 
 
 @pytest.fixture(scope='module')
