@@ -104,6 +104,7 @@ ROWS_FAR_OFF_PX = 2.5  # px, where they are put right: KITTI 1.4 to 2.0, OAK up 
 GAIN = 1.25  # brightness of one view over the other; healthy 0.94 to 1.17
 SHARPNESS = 0.65  # detail of the blurrier view; healthy 0.80 and more, blur of 1 px 0.25 to 0.43
 AT_THE_END = 0.1  # share of the matches at the last disparities of the range
+NEARER = 0.03  # share of pixels nearer than the range; healthy up to 0.01, hands before OAK 0.17
 GIVEN_AGREES = 0.3  # share of the sure matches on which an external map agrees
 NOISY = 5.0  # grey levels; healthy 0.3 to 1.9
 
@@ -220,11 +221,12 @@ def _misaligned(seen: Observation) -> Iterator[Advice]:
         yield Advice('rows_off', Level.WARN, (
             f'the rows of left and right are up to {health.row_offset_px:.1f} px apart: calibrate '
             'the cameras again; until then keep rectification.correct true'))
-    if health.last_disparity_ratio >= AT_THE_END:
+    if health.last_disparity_ratio >= AT_THE_END or health.nearer_ratio >= NEARER:
+        share = max(_known(health.last_disparity_ratio), _known(health.nearer_ratio))
         yield Advice('too_near', Level.WARN, (
-            f'{100 * health.last_disparity_ratio:.0f} % of the matches are at the end of the '
-            'search range: things are nearer than it; raise matching.num_disparities, or set '
-            'matching.nearest'))
+            f'{100 * share:.0f} % of the matches are at the end of the search range or beyond: '
+            'things are nearer than it, and may come out far away; raise '
+            'matching.num_disparities, or set matching.nearest'))
 
 
 def _lenses(health: PairHealth) -> Iterator[Advice]:

@@ -195,7 +195,8 @@ class PairHealth:
     Attributes
     ----------
     row_offset_px : float
-        Largest vertical disagreement of the two views found, before correction, pixels.
+        Largest vertical disagreement of the two views found, before correction, pixels; 0 where
+        they were found to agree.
     gain_ratio : float
         Brightness of the right view over that of the left.
     noise_sigma : float
@@ -203,7 +204,9 @@ class PairHealth:
     matched_ratio : float
         Share of pixels on which the own matches of both views agree.
     last_disparity_ratio : float
-        Share of these matches at the last disparities of the range: things nearer than it.
+        Share of the matches at the last disparities of the range: things nearer than it.
+    nearer_ratio : float
+        Share of pixels that match nearer than the range, a coarse look.
     upside_down_ratio : float
         What `matched_ratio` would be with the right view turned upside down, a coarse look.
     swapped_ratio : float
@@ -228,6 +231,7 @@ class PairHealth:
     noise_sigma: float = math.nan
     matched_ratio: float = math.nan
     last_disparity_ratio: float = math.nan
+    nearer_ratio: float = math.nan
     upside_down_ratio: float = math.nan
     swapped_ratio: float = math.nan
     sharpness_ratio: float = math.nan

@@ -41,6 +41,7 @@ from numba.core import event
 import numpy as np
 
 from stereo_refine_ros import KERNELS
+from stereo_refine_ros.matching.scanline import lane_counts, LANES, scan
 from stereo_refine_ros.params import load_preset, Params, PRESETS, SPECS
 from stereo_refine_ros.pipeline import StereoRefiner
 from stereo_refine_ros.quality.frame import measure_frame
@@ -56,7 +57,16 @@ _CHILD = '--for-process'
 _COMPUTING = ('matching', 'segmentation', 'planes', 'filter', 'rectification', 'temporal')
 
 
-def run_kernels(params: Params, progress: Progress = lambda text: None) -> None:
+def lanes_needed(params: Params) -> tuple[int, ...]:
+    """Return the lane counts that frames will need: all where the range comes with the frames."""
+    matching = params.matching
+    if matching.method == 'external' or matching.nearest > 0:
+        return LANES
+    return lane_counts(matching.num_disparities)
+
+
+def run_kernels(params: Params, progress: Progress = lambda text: None,
+                lanes: Sequence[int] = ()) -> None:
     """
     Refine and measure a small pair of either kind, so that every kernel is there.
 
@@ -68,6 +78,8 @@ def run_kernels(params: Params, progress: Progress = lambda text: None) -> None:
         Of the frames to come.
     progress : callable of str
         Told what comes next.
+    lanes : sequence of int
+        Lane counts of the matcher; `lanes_needed` where none are given.
 
     """
     rng = np.random.default_rng(0)
@@ -87,6 +99,8 @@ def run_kernels(params: Params, progress: Progress = lambda text: None) -> None:
             for right, preliminary in ((pair.right, given), (None, truth)):
                 result = refiner.process(pair.left, right, preliminary)
                 measure_frame(result, StereoPair(pair.left, right), truth)
+    for count in lanes or lanes_needed(params):
+        scan(pairs['grey'], 0, count)
     compile_kernels()  # the rows of the small pair were measured at one level only
 
 
@@ -106,6 +120,29 @@ def compiled_counted(progress: Progress, every_s: float = _HEARTBEAT_S) -> Itera
     counter = _Counter(progress, every_s)
     with event.install_listener('numba:compile', counter):
         yield
+
+
+class CompilerWatch(event.Listener):
+    """Know whether this process has compiled anything lately: it then works on nothing else."""
+
+    def __init__(self) -> None:
+        """Listen from now on."""
+        self._begun, self._ended, self._told = 0, 0, 0
+        event.register('numba:compile', self)
+
+    def has_worked(self) -> bool:
+        """Whether anything was compiled since this was asked last, or is being compiled."""
+        begun, told = self._begun, self._told
+        self._told = begun
+        return begun > told or begun > self._ended
+
+    def on_start(self, event: event.Event) -> None:
+        """Count."""
+        self._begun += 1
+
+    def on_end(self, event: event.Event) -> None:
+        """Count."""
+        self._ended += 1
 
 
 class _Counter(event.Listener):
@@ -131,10 +168,10 @@ def compile_apart(params: Params, progress: Progress = lambda text: None) -> Non
     Nothing depends on it: what the child did not compile, the first call will. The child ends
     with its parent.
     """
-    mark = _mark(params)
+    mark = _mark(params, lanes_needed(params))
     if KERNELS.is_private:
         progress(f'kernels for {KERNELS.folder}, since {KERNELS.wanted} cannot be written')
-    if mark is None or mark.exists():
+    if mark is None or mark.exists() or _is_there(_mark(params, LANES)):
         return
     command = [sys.executable, '-m', 'stereo_refine_ros.warm_up', _CHILD, str(os.getpid()),
                str(mark), json.dumps(params.as_dict())]
@@ -151,25 +188,30 @@ def compile_presets(presets: Sequence[str], progress: Progress) -> None:
     """Fill the cache with what these presets need, in this process."""
     for preset in presets:
         params = load_preset(preset)
-        mark = _mark(params)
-        if mark is not None and mark.exists():
+        mark = _mark(params, LANES)
+        if _is_there(mark):
             progress(f'{preset}: kernels are there')
             continue
-        _compile(params, mark, _prefixed(preset, progress))
+        _compile(params, mark, _prefixed(preset, progress), LANES)
 
 
 def _prefixed(preset: str, progress: Progress) -> Progress:
     return lambda step: progress(f'{preset}: {step}')
 
 
-def _compile(params: Params, mark: Path | None, progress: Progress) -> None:
+def _compile(params: Params, mark: Path | None, progress: Progress,
+             lanes: Sequence[int] = ()) -> None:
     with compiled_counted(progress):
-        run_kernels(params, progress)
+        run_kernels(params, progress, lanes)
     if mark is not None:
         mark.touch()
 
 
-def _mark(params: Params) -> Path | None:
+def _is_there(mark: Path | None) -> bool:
+    return mark is not None and mark.exists()
+
+
+def _mark(params: Params, lanes: Sequence[int]) -> Path | None:
     """Return the file that says that these kernels are in the cache; None where none is kept."""
     folder = os.environ.get('NUMBA_CACHE_DIR')
     if folder is None or numba.config.DISABLE_JIT:
@@ -177,7 +219,7 @@ def _mark(params: Params) -> Path | None:
     kinds = [(spec.name, params.as_dict()[spec.name]) for spec in SPECS
              if spec.name.split('.')[0] in _COMPUTING and (spec.choices or spec.type is bool)]
     versions = (sys.version, numba.__version__, np.__version__)
-    digest = hashlib.sha256(repr((kinds, versions)).encode()).hexdigest()[:16]
+    digest = hashlib.sha256(repr((kinds, versions, tuple(lanes))).encode()).hexdigest()[:16]
     return Path(folder) / f'compiled-{KERNELS.state}-{digest}'
 
 

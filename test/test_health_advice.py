@@ -47,6 +47,7 @@ def said(observation):
     seen(0.39, matched_ratio=0.57, upside_down_ratio=0.42, swapped_ratio=0.39),
     seen(gain_ratio=0.8), seen(gain_ratio=1.25),
     seen(contrast_left=4.0, contrast_right=4.2), seen(last_disparity_ratio=0.09),
+    seen(nearer_ratio=0.02),
     seen(given_agreement=0.0), seen(float('nan'), external=True),
     seen(0.6, contrast_left=10.0, contrast_right=50.0),
     Observation(PairHealth()), Observation(PairHealth(), is_external=True)])
@@ -86,6 +87,8 @@ def test_what_is_well_is_left_alone(observation):
     (seen(gain_ratio=1.26), 'gain', Level.WARN, '1.26 times as bright'),
     (seen(sharpness_ratio=0.3), 'blurred', Level.WARN, 'dirty, fogged'),
     (seen(last_disparity_ratio=0.2), 'too_near', Level.WARN, '20 % of the matches'),
+    (seen(nearer_ratio=0.17), 'too_near', Level.WARN, '17 % of the matches'),
+    (seen(nearer_ratio=0.03, last_disparity_ratio=float('nan')), 'too_near', Level.WARN, '3 %'),
     (seen(external=True, fits_right_better=True, given_agreement=0.1), 'given_right',
      Level.WARN, 'fits the right image better'),
     (seen(external=True, given_agreement=0.1), 'given_wrong', Level.ERROR, '10 % of the sure')])

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from copy import deepcopy
 from dataclasses import dataclass, replace
+import math
 import threading
 import time
 
@@ -72,7 +73,7 @@ class PairExaminer:
         self._views = PairHealth()
         self._lock = threading.Lock()
         self._looked_at = -LOOK_EVERY_S
-        self._look = CoarseLook(float('nan'), float('nan'), float('nan'))
+        self._look = CoarseLook(math.nan, math.nan, math.nan, math.nan)
         self._fits_right = False
 
     def follow(self, other: PairExaminer) -> None:
@@ -136,12 +137,14 @@ class PairExaminer:
             return PairHealth()
         look, fits_right = self._coarse_look(pair, given)
         matching = self._params.matching
+        offset = prepared.offset
         return replace(
-            prepared.views, row_offset_px=prepared.offset.largest_px,
+            prepared.views, row_offset_px=offset.largest_px if offset.points else math.nan,
+            nearer_ratio=look.nearer,
             matched_ratio=look.as_is, upside_down_ratio=look.upside_down,
             swapped_ratio=look.swapped, last_disparity_ratio=_at_the_end(fine, matching),
             fits_right_better=fits_right,
-            given_agreement=float('nan') if given is None else given_agreement(given, fine))
+            given_agreement=math.nan if given is None else given_agreement(given, fine))
 
     def _coarse_look(self, pair: StereoPair, given: FloatMap | None,
                      ) -> tuple[CoarseLook, bool]:
@@ -164,4 +167,4 @@ def _at_the_end(fine: FloatMap, matching: MatchingParams) -> float:
     """Share of the matches that lie at the last disparities of the range."""
     matched = np.count_nonzero(np.isfinite(fine))
     last = matching.min_disparity + matching.num_disparities - 2
-    return float(np.count_nonzero(fine >= last)) / matched if matched else float('nan')
+    return float(np.count_nonzero(fine >= last)) / matched if matched else math.nan

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 
 import cv2
 import numpy as np
@@ -40,12 +41,15 @@ class CoarseLook:
     ----------
     as_is, upside_down, swapped : float
         The pair as it is, with the right view turned by half a turn, with the views exchanged.
+    nearer : float
+        The pair as it is, nearer than the search range by up to its length.
 
     """
 
     as_is: float
     upside_down: float
     swapped: float
+    nearer: float
 
 
 def suspect(left: Image, right: Image, min_disparity: int, num_disparities: int) -> CoarseLook:
@@ -66,14 +70,18 @@ def suspect(left: Image, right: Image, min_disparity: int, num_disparities: int)
              for view in (left, right)]
     lowest, count = min_disparity // scale, -(-num_disparities // scale)
     turned = cv2.rotate(small[1], cv2.ROTATE_180)
+    end = (min_disparity + num_disparities) / scale
     return CoarseLook(
         _matched_ratio(small[0], small[1], lowest, count),
         _matched_ratio(small[0], np.asarray(turned), lowest, count),
-        _matched_ratio(small[1], small[0], lowest, count))
+        _matched_ratio(small[1], small[0], lowest, count),
+        # What leaves the view has no partner: the range grows by the width at most.
+        _matched_ratio(small[0], small[1], lowest, count + min(count, size[0]), end + 1))
 
 
-def _matched_ratio(left: Image, right: Image, lowest: int, count: int) -> float:
-    """Return the share of pixels whose matches from left and from right agree."""
+def _matched_ratio(left: Image, right: Image, lowest: int, count: int,
+                   beyond: float = -math.inf) -> float:
+    """Return the share of pixels whose matches agree from both views, and lie beyond a value."""
     disparities = 16 * max(1, -(-count // 16))
     columns, rows = max(lowest, 0) + disparities, tuning.COARSE_BLOCK_PX
     left, right = (np.asarray(cv2.copyMakeBorder(
@@ -87,7 +95,7 @@ def _matched_ratio(left: Image, right: Image, lowest: int, count: int) -> float:
     back = np.take_along_axis(to_left[rows:-rows], target.clip(0, left.shape[1] - 1), axis=1)
     # A pair put together wrongly piles up at the end of the range, where a shift of 0 nearly fits.
     is_matched = ((disparity > lowest + _END) & (back > lowest + _END)
-                  & (np.abs(disparity - back) <= 1.0))
+                  & (np.abs(disparity - back) <= 1.0) & (disparity > beyond))
     return float(is_matched.mean())
 
 

@@ -35,11 +35,29 @@ from stereo_refine_ros.threads import run_bands, start
 from stereo_refine_ros.types import DisparityMap, StereoPair
 
 # Powers of two: vectors of other widths are taken apart, 96 lanes cost more than 128 do.
-_LANES = (32, 64, 128, 256)
+LANES = (32, 64, 128, 256)
 # Rows of a band, about: by the height alone, so that the result does not depend on the number of
 # threads. Each band matches RUN_UP rows above and below it once more.
 _BAND_ROWS = 160
 _ONE_WINDOW = np.zeros((1, 1), np.int32)
+
+
+def lanes_for(num_disparities: int) -> int:
+    """Return the lanes that hold so many disparities, at most FULL_RANGE."""
+    return next(count for count in LANES if count >= num_disparities)
+
+
+def lane_counts(num_disparities: int) -> tuple[int, ...]:
+    """Return all counts of LANES that matching at full and at half size uses for a range."""
+    counts, used = [num_disparities, -(-num_disparities // 2)], set()
+    while counts:
+        count = counts.pop()
+        if count > FULL_RANGE:
+            used.add(lanes_for(WINDOW))
+            counts += [-(-count // 2), -(-count // 2) + 1]  # as `half_range` has it
+        else:
+            used.add(lanes_for(count))
+    return tuple(sorted(used))
 
 
 def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1) -> Match:
@@ -93,7 +111,7 @@ def scan_windows(pair: StereoPair, min_disparity: int, num_disparities: int,
     """Match every pixel over the `num_disparities` that begin `base` after `min_disparity`."""
     assert pair.right is not None
     height, width = pair.shape
-    lanes = next(count for count in _LANES if count >= num_disparities)
+    lanes = lanes_for(num_disparities)
     margin = lanes + width
     size = height * width + 2 * margin
     mask = np.zeros(lanes, np.uint8)

@@ -64,6 +64,8 @@ class Health:
     ----------
     listening, ready : bool
         Somebody wants an output; the kernels are compiled.
+    compiling : bool
+        Kernels that nobody foresaw were compiled meanwhile.
     now, before : Counts
         Counters now and a period ago.
     silent : tuple of str
@@ -87,6 +89,7 @@ class Health:
 
     listening: bool = False
     ready: bool = True
+    compiling: bool = False
     now: Counts = field(default_factory=Counts)
     before: Counts = field(default_factory=Counts)
     silent: tuple[str, ...] = ()
@@ -113,6 +116,10 @@ def assess(health: Health) -> tuple[bytes, str]:
         return DiagnosticStatus.ERROR, '; '.join(errors + warnings)
     if warnings:
         return DiagnosticStatus.WARN, '; '.join(warnings)
+    if health.compiling:
+        return DiagnosticStatus.OK, (
+            'compiling kernels for other parameters or a longer search range, once: pairs that '
+            'come meanwhile are superseded')
     if not health.listening:
         return DiagnosticStatus.OK, 'idle: nobody subscribes to an output'
     return DiagnosticStatus.OK, f'refining at {health.fps:.1f} frames a second'
@@ -182,7 +189,7 @@ def _warnings(health: Health) -> Iterable[str]:
                f'{health.unmatched_why}')
     received = health.now.received - health.before.received
     superseded = health.now.superseded - health.before.superseded
-    if superseded > SLOW_SHARE * max(received, 1):
+    if superseded > SLOW_SHARE * max(received, 1) and not health.compiling:
         yield (f'too slow: {superseded} of {received} pairs superseded by newer ones; lower '
                'the frame rate, the resolution or matching.num_disparities, or use preset live')
     if health.listening and health.valid_ratio < LOW_VALID_RATIO:

@@ -29,6 +29,7 @@ from stereo_refine_ros.node.graph import explain_silence, feedback, rivals
 from stereo_refine_ros.node.inputs import Inputs
 from stereo_refine_ros.node.pairing_advice import explain_unmatched
 from stereo_refine_ros.node.publishers import TOPICS as OUTPUTS
+from stereo_refine_ros.warm_up import CompilerWatch
 
 MOST_EXPLAINED = 2  # silent topics: the others are silent for the same reason, as a rule
 
@@ -59,6 +60,7 @@ class Reporter:
         self._received: dict[str, int] = {}
         self._rivals: tuple[str, ...] = ()
         self._incompatible: set[str] = set()
+        self._compiler = CompilerWatch()
         self._publisher = node.create_publisher(
             DiagnosticArray, '/diagnostics', 10,
             qos_overriding_options=QoSOverridingOptions.with_default_policies())
@@ -94,7 +96,8 @@ class Reporter:
         silent = inputs.silent_topics()
         unmatched = inputs.unmatched
         return Health(
-            listening=inputs.listening, ready=ready, now=self._counters.counts(),
+            listening=inputs.listening, ready=ready,
+            compiling=self._compiler.has_worked(), now=self._counters.counts(),
             before=self._before, silent=tuple(map(inputs.full_name, silent)),
             silent_why=self._ask_graph(silent),
             feedback=tuple(feedback(self._node, inputs.topics())),

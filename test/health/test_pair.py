@@ -140,7 +140,7 @@ def test_pairs_too_small_to_say_anything_are_left_alone(height, width):
     np.testing.assert_array_equal(found.right, pair.right)
     assert offset.largest_px == 0
     health = examine(tiny, pair, offset, np.full((height, width), np.nan, np.float32), None)
-    assert health.row_offset_px == 0 and math.isnan(health.last_disparity_ratio)
+    assert math.isnan(health.row_offset_px) and math.isnan(health.last_disparity_ratio)
 
 
 def test_the_left_view_alone_has_neither_offset_nor_health(pair):
@@ -153,8 +153,11 @@ def test_the_left_view_alone_has_neither_offset_nor_health(pair):
 
 def test_health_of_a_good_pair(pair):
     matched = np.full(SHAPE, SHIFT, np.float32)
-    health = examine(examiner(), pair, RowOffset(), matched, None)
+    health = examine(examiner(), pair, RowOffset(points=50), matched, None)
     assert health.row_offset_px == 0 and health.last_disparity_ratio == 0
+    assert health.nearer_ratio == 0
+    unknown = examine(examiner(), pair, RowOffset(), matched, None)
+    assert math.isnan(unknown.row_offset_px)
     assert health.matched_ratio > 0.5 > max(health.swapped_ratio, health.upside_down_ratio)
     assert health.gain_ratio == pytest.approx(1, abs=0.02)
     assert not health.is_same_image and not health.fits_right_better
@@ -186,7 +189,7 @@ def test_a_long_look_is_taken_once_in_a_while(pair, monkeypatch):
     monkeypatch.setattr(examiner_module, 'time', SimpleNamespace(monotonic=lambda: now[0]))
     looks = []
     monkeypatch.setattr(examiner_module, 'suspect', lambda *args: looks.append(1) or (
-        examiner_module.CoarseLook(len(looks), 0.0, 0.0)))
+        examiner_module.CoarseLook(len(looks), 0.0, 0.0, 0.0)))
     watching = examiner()
     ratios = []
     for now[0] in (100.0, 100.0 + 0.9 * LOOK_EVERY_S, 100.0 + 1.1 * LOOK_EVERY_S):

@@ -20,6 +20,7 @@ import pytest
 from real_pairs import CAMERAS, darkened, FIELD, LAB, load, noisy
 
 from stereo_refine_ros.health import measure_views, suspect
+from stereo_refine_ros.health_advice import NEARER
 
 pytestmark = pytest.mark.compiled
 
@@ -105,11 +106,26 @@ def test_coarse_look_tells_how_a_pair_was_put_together(name):
     assert turned.upside_down == pytest.approx(good.as_is, abs=0.05)
 
 
+@pytest.mark.parametrize('name', PAIRS)
+def test_nothing_is_nearer_than_a_range_that_is_long_enough(name):
+    pair = load(name)
+    assert suspect(pair.left, pair.right, 0, pair.disparities).nearer <= 0.6 * NEARER
+
+
+@pytest.mark.parametrize('name', [
+    'middlebury/cones', 'middlebury/venus', 'field/middlebury/Motorcycle',
+    'field/middlebury/Playroom', 'field/kitti2012/000032_10', 'field/cameras/oak_pov_hands'])
+def test_what_is_nearer_than_the_range_is_seen(name):
+    pair = load(name)
+    half = 64 if 'oak' in name else pair.disparities // 2
+    assert suspect(pair.left, pair.right, 0, half).nearer >= 4 * NEARER
+
+
 @pytest.mark.parametrize('name', SOME)
 def test_coarse_look_at_a_dead_camera(name):
     pair = load(name)
     look = suspect(pair.left, np.zeros_like(pair.right), 0, pair.disparities)
-    assert max(look.as_is, look.upside_down, look.swapped) <= 0.1
+    assert max(look.as_is, look.upside_down, look.swapped, look.nearer) <= 0.1
 
 
 def test_coarse_look_at_tiny_views():

@@ -43,6 +43,9 @@ BEFORE = Counts(received=100, published=100)
     ({'unmatched': 3, 'unmatched_why': 'right lags'}, WARN, '3 pairs unmatched: right lags'),
     ({'now': Counts(received=130, published=120, superseded=10)}, WARN, 'too slow: 10 of 30'),
     ({'now': Counts(received=130, published=129, superseded=1)}, OK, 'refining'),
+    ({'now': Counts(received=130, published=120, superseded=10), 'compiling': True}, OK,
+     'compiling kernels for other parameters'),
+    ({'unmatched': 3, 'unmatched_why': 'right lags', 'compiling': True}, WARN, 'right lags'),
     ({'valid_ratio': 0.12}, WARN, 'only 12 %'),
 ])
 def test_levels(fields, level, text):

@@ -29,6 +29,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage
 from stereo_refine_ros.datasets import iterate_folder
 from stereo_refine_ros.datasets.calibration import read_euroc
 from stereo_refine_ros.datasets.folder import list_pairs
+from stereo_refine_ros.health_advice import FRAMES_LOOKED_AT
 from stereo_refine_ros.node.inputs import Inputs
 from stereo_refine_ros.params import load_preset
 
@@ -181,6 +182,14 @@ def test_raw_pair_gives_what_the_rectified_one_gives(client, rectifying):
         messages[topic] = image_message(view, 'mono8', stamp.sec * 10 ** 9 + stamp.nanosec)
     rectified, = client.exchange(messages)
     np.testing.assert_array_equal(floats(raw.image), floats(rectified.image))
+
+
+def test_raw_images_that_are_taken_for_rectified_ones_are_told(client):
+    folder = real_scene_folder('../sequences/euroc_raw_excerpt')
+    for number in range(FRAMES_LOOKED_AT):
+        client.exchange(_raw_pair(folder, number))
+    client.until(lambda: 'set inputs.rectify to true' in diagnosis(client).message, 15.0,
+                 lambda: diagnosis(client).message)
 
 
 def test_a_calibration_that_cannot_rectify_is_refused_and_counted(client, rectifying):
