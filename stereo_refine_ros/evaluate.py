@@ -38,7 +38,7 @@ from stereo_refine_ros.evaluation.report import Report
 from stereo_refine_ros.evaluation.runner import as_json, evaluate_scene, Plan, Row
 from stereo_refine_ros.evaluation.tables import check_claim, claim_text, text_table
 from stereo_refine_ros.evaluation.video import (
-    average, bag_frames, Frame, FrameRow, measure_video, sequence_frames, Show,
+    average, bag_frames, CameraAdvice, Frame, FrameRow, measure_video, sequence_frames, Show,
     suggested_disparities, write_csv)
 from stereo_refine_ros.memory import keep_freed_memory
 from stereo_refine_ros.params import FILTERS, MATCHERS, Params, PRESETS, PROJECTIONS
@@ -111,10 +111,14 @@ def evaluate_video(args: argparse.Namespace, plan: Plan) -> int:
     damaged: list[str] = []
     folder = args.output or Path('evaluate_output')
     rows: list[FrameRow] = []
+    advice, draw = CameraAdvice(params), _drawing(args.pictures, folder)
+
+    def look(number: int, pair: StereoPair, result: RefinementResult) -> None:
+        advice.add(result)
+        draw(number, pair, result)
     try:
         with Progress() as progress:
-            for row in measure_video(_frames(args, params, damaged.append), params,
-                                     _drawing(args.pictures, folder)):
+            for row in measure_video(_frames(args, params, damaged.append), params, look):
                 rows.append(row)
                 progress.step(f'{row["total_ms"]:.0f} ms')
     finally:  # what was measured before the file broke off is kept
@@ -125,6 +129,7 @@ def evaluate_video(args: argparse.Namespace, plan: Plan) -> int:
         if rows:
             title = f'{_video_name(args)}: {plan.preset}, {plan.combinations()[0]}'
             _write_video(folder, rows, title)
+            print('\n'.join(advice.lines()) or 'cameras: nothing wrong was seen')
     if not rows:
         raise ValueError(f'no stereo pair in {_video_name(args)}')
     return len(damaged)
@@ -152,14 +157,10 @@ def _write_video(folder: Path, rows: list[FrameRow], title: str) -> None:
     print(f'{len(rows)} pairs; wrote {folder / "metrics.csv"} and {folder / "metrics.svg"}')
 
 
-def _drawing(every: int | None, folder: Path) -> Show | None:
-    """Return what draws every so many pairs into a folder; None for none."""
-    if every is None:
-        return None
-    step = every
-
+def _drawing(every: int | None, folder: Path) -> Show:
+    """Return what draws every so many pairs into a folder, none where that is None."""
     def draw(number: int, pair: StereoPair, result: RefinementResult) -> None:
-        if number % step == 0:
+        if every is not None and number % every == 0:
             folder.mkdir(parents=True, exist_ok=True)
             write_picture(folder / f'{number:06d}.png', frame_sheet(pair.left, result))
     return draw

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 import csv
 from dataclasses import dataclass
@@ -26,9 +27,10 @@ from pathlib import Path
 import numpy as np
 
 from stereo_refine_ros.datasets import Scene
+from stereo_refine_ros.health_advice import advise, Observation
 from stereo_refine_ros.params import Params
 from stereo_refine_ros.pipeline import StereoRefiner
-from stereo_refine_ros.quality.frame import measure_frame
+from stereo_refine_ros.quality.frame import confidence_figures, measure_frame
 from stereo_refine_ros.quality.temporal import compare_noise, TemporalNoise
 from stereo_refine_ros.types import RefinementResult, StereoPair
 
@@ -61,10 +63,11 @@ def measure_video(frames: Iterable[Frame], params: Params,
     Yields
     ------
     dict of str to float
-        'time', the figures of `measure_frame`, and the temporal noise since the frame before:
-        'temporal_noise_preliminary' and 'temporal_noise_refined' in pixels, both over the same
-        pixels (image unchanged, both maps valid in both frames), and their share
-        'unchanged_ratio'. These are NaN for the first frame and after a change of size.
+        'time', the figures of `measure_frame` and `confidence_figures`, and the temporal noise
+        since the frame before: 'temporal_noise_preliminary' and 'temporal_noise_refined' in
+        pixels, both over the same pixels (image unchanged, both maps valid in both frames), and
+        their share 'unchanged_ratio'. These are NaN for the first frame and after a change of
+        size.
 
     """
     refiner = StereoRefiner(params)
@@ -73,10 +76,35 @@ def measure_video(frames: Iterable[Frame], params: Params,
         result = refiner.process(frame.pair.left, frame.pair.right)
         if show is not None:
             show(number, frame.pair, result)
-        row = {'time': frame.time, **measure_frame(result, frame.pair)}
+        row = {'time': frame.time, **measure_frame(result, frame.pair),
+               **confidence_figures(result, params.output.min_confidence)}
         row.update(_flicker(previous, (frame.pair, result)))
         yield row
         previous = frame.pair, result
+
+
+class CameraAdvice:
+    """Collect over a video what its images say of the cameras."""
+
+    def __init__(self, params: Params) -> None:
+        """Start without frames."""
+        self._corrected = params.rectification.correct
+        self._texts: dict[str, str] = {}
+        self._seen: Counter[str] = Counter()
+        self._frames = 0
+
+    def add(self, result: RefinementResult) -> None:
+        """Judge a frame as the node does."""
+        self._frames += 1
+        for item in advise(Observation(result.health, result.lr_consistent_ratio,
+                                       rows_are_corrected=self._corrected)):
+            self._texts[item.key] = item.text
+            self._seen[item.key] += 1
+
+    def lines(self) -> list[str]:
+        """Return what holds for half of the frames or more, the most frequent first."""
+        return [f'cameras: {self._texts[key]} ({count} of {self._frames} pairs)'
+                for key, count in self._seen.most_common() if 2 * count >= self._frames]
 
 
 def bag_frames(path: Path, params: Params, topics: Sequence[str] = (),

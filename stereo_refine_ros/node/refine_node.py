@@ -48,11 +48,11 @@ from stereo_refine_ros.node.publishers import Publishers
 from stereo_refine_ros.node.reporter import Reporter
 from stereo_refine_ros.node.truth import TruthDesk
 from stereo_refine_ros.node.views import (
-    confidence_figures, missing_for, RefinedFrame, sure_part, VIEWS)
+    missing_for, RefinedFrame, sure_part, VIEWS)
 from stereo_refine_ros.node.worker import Afterwork, Worker
 from stereo_refine_ros.pairing import MessageSet
 from stereo_refine_ros.params import Params
-from stereo_refine_ros.quality.frame import measure_frame
+from stereo_refine_ros.quality.frame import confidence_figures, measure_frame
 from stereo_refine_ros.warm_up import compile_apart, run_kernels
 
 WARN_PERIOD_S = 10.0
@@ -182,7 +182,8 @@ class RefineNode(Node):
         self._outputs.publish('metrics', metrics_message(
             refined.header, f'{self.get_fully_qualified_name()}: metrics',
             refined.header.frame_id,
-            {**refined.figures, **measured, **confidence_figures(refined)},
+            {**refined.figures, **measured, **confidence_figures(
+                refined.result, refined.params.output.min_confidence)},
             *frame_status(refined.failure is not None, refined.advice)))
 
     def _figures(self, refined: RefinedFrame) -> dict[str, float]:
@@ -205,7 +206,8 @@ class RefineNode(Node):
     # The node around it.
 
     def _prepare(self) -> None:
-        self.get_logger().info('compiling, half a minute at the first start, cached after it')
+        self.get_logger().info(
+            'preparing kernels: compiling them takes about a minute once, then they are cached')
 
         def progress(step: str) -> None:
             self.get_logger().info(f'compiling {step}')

@@ -82,17 +82,6 @@ def sure_part(result: RefinementResult, min_confidence: float) -> DisparityMap:
     return replace(dense, values=np.where(sure, dense.values, np.float32(np.nan)))
 
 
-def confidence_figures(refined: RefinedFrame) -> dict[str, float]:
-    """Sum up confidence and health of a frame under the keys of the `metrics` topic."""
-    result, health = refined.result, refined.result.health
-    sure = result.confidence >= refined.params.output.min_confidence
-    return {
-        'confidence_mean': float(np.mean(result.confidence)),
-        'published_ratio': float(np.mean(sure)),
-        'row_offset_px': health.row_offset_px, 'gain_ratio': health.gain_ratio,
-        'noise_sigma': health.noise_sigma}
-
-
 def _preliminary(refined: RefinedFrame) -> Any:
     return disparity_message(
         refined.result.preliminary, refined.decoded.geometry, refined.header)

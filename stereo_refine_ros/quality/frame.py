@@ -78,6 +78,31 @@ def measure_frame(result: RefinementResult, pair: StereoPair, truth: FloatMap | 
     return figures
 
 
+def confidence_figures(result: RefinementResult, min_confidence: float) -> dict[str, float]:
+    """
+    Sum up confidence and health of a frame.
+
+    Parameters
+    ----------
+    result : RefinementResult
+        What the pipeline returned.
+    min_confidence : float
+        From where on a disparity counts as published.
+
+    Returns
+    -------
+    dict of str to float
+        Under the keys of the `metrics` topic.
+
+    """
+    health = result.health
+    return {
+        'confidence_mean': float(np.mean(result.confidence)),
+        'published_ratio': float(np.mean(result.confidence >= min_confidence)),
+        'row_offset_px': health.row_offset_px, 'gain_ratio': health.gain_ratio,
+        'noise_sigma': health.noise_sigma}
+
+
 def mean_inlier_ratio(segments: PlaneSegmentation) -> float:
     """Average the inlier ratio of the fitted segments, weighted by their pixels; NaN if none."""
     pixels = np.bincount(segments.labels.reshape(-1), minlength=len(segments.planes))

@@ -33,20 +33,29 @@ from stereo_refine_ros.shared_memory import fit_to_host
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run `replay`; return the exit status."""
+    # Until there is something to close, a signal ends the process at once: an exception would be
+    # lost where an import catches it.
+    interrupt = signal.signal(signal.SIGINT, signal.SIG_DFL)
     # Late: the middleware reads its variables when it is loaded.
     _give_images_room()
     import rclpy
+    from rclpy._rclpy_pybind11 import RCLError
     from rclpy.executors import ExternalShutdownException
     from rclpy.utilities import remove_ros_args
 
     arguments = list(sys.argv if args is None else ['replay', *args])
     options = build_parser().parse_args(remove_ros_args(arguments)[1:])
     fit_to_host(lambda text: print(f'replay: {text}', file=sys.stderr))
+    signal.signal(signal.SIGINT, interrupt)
     rclpy.init(args=arguments)
     try:
         count = _play(options)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
+    except RCLError:
+        if rclpy.ok():
+            raise
+        return 0  # a signal came while something was being made
     except (OSError, ValueError) as error:
         print(f'replay: {error}', file=sys.stderr)
         return 1

@@ -29,6 +29,7 @@ from stereo_refine_ros.messages.scene import (
     camera_info_messages, image_message, nominal_geometry, scene_header, truth_message)
 from stereo_refine_ros.replay.pacing import (
     REPLAY_QOS, sleep_until, wait_delivered, wait_for_subscribers)
+from stereo_refine_ros.types import StereoGeometry
 
 _TOPICS = {
     'left': (Image, 'left/image_rect'), 'right': (Image, 'right/image_rect'),
@@ -105,6 +106,14 @@ class ScenePlayer(Node):
         self._publisher_of['right_info'].publish(right_info)
         for key, view in (('left', scene.pair.left), ('right', scene.pair.right)):
             self._publisher_of[key].publish(image_message(view, self._encoding, header))
+        if scene.geometry is None:
+            self._say_nominal(geometry)
+
+    def _say_nominal(self, geometry: StereoGeometry) -> None:
+        self.get_logger().warning(
+            f'no calibration beside the images: camera_info says f = {geometry.focal_px:g} px and '
+            f'a baseline of {geometry.baseline_m:g} m, so depth and points are not to scale; set '
+            "the node's camera.focal_length and camera.baseline", once=True)
 
     def _wait_for_subscribers(self, wait_s: float) -> None:
         cameras = [publisher for key, publisher in self._publisher_of.items() if key != 'truth']

@@ -158,7 +158,7 @@ def test_bag_to_csv_and_plot(tmp_path, capsys):
     assert (tmp_path / 'out' / 'metrics.svg').read_text().startswith('<svg')
     out = capsys.readouterr().out
     assert re.search(r'^valid_ratio_refined +[01]\.\d{4}$', out, re.MULTILINE)
-    assert '2 pairs' in out
+    assert '2 pairs' in out and out.count('cameras: ') == 1
     assert [path.name for path in (tmp_path / 'out').glob('*.png')] == ['000000.png']
 
 

@@ -29,10 +29,11 @@ from stereo_refine_ros.camera_info import CameraModel
 from stereo_refine_ros.datasets import iterate_folder
 from stereo_refine_ros.evaluation.plot import PANELS, plot_svg
 from stereo_refine_ros.evaluation.video import (
-    average, bag_frames, Frame, measure_video, sequence_frames, suggested_disparities, write_csv)
+    average, bag_frames, CameraAdvice, Frame, measure_video, sequence_frames,
+    suggested_disparities, write_csv)
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.pipeline import StereoRefiner
-from stereo_refine_ros.quality.frame import measure_frame
+from stereo_refine_ros.quality.frame import confidence_figures, measure_frame
 from stereo_refine_ros.quality.temporal import temporal_noise
 
 PARAMS = load_preset('live', {'matching.num_disparities': 16})
@@ -49,9 +50,24 @@ def rows(scenes):
     return list(measure_video(frames, PARAMS))
 
 
+def test_what_the_images_say_of_the_cameras_is_collected(scenes):
+    left, right = scenes[0].pair.left, scenes[0].pair.right
+    views = [right, np.zeros_like(right), np.zeros_like(right), right]
+    advice = CameraAdvice(PARAMS)
+    for view in views[:3]:
+        advice.add(StereoRefiner(PARAMS).process(left, view))
+    line, = advice.lines()
+    assert line.startswith('cameras: the right image shows nothing')
+    assert line.endswith('cable (2 of 3 pairs)')
+    for view in views[3:] * 2:
+        advice.add(StereoRefiner(PARAMS).process(left, view))
+    assert advice.lines() == []
+
+
 def test_rows_hold_the_cores_figures(scenes, rows):
     result = StereoRefiner(PARAMS).process(scenes[2].pair.left, scenes[2].pair.right)
-    expected = measure_frame(result, scenes[2].pair)
+    expected = {**measure_frame(result, scenes[2].pair), **confidence_figures(result, 0.5)}
+    assert 0 < expected['published_ratio'] <= 1 and expected['gain_ratio'] > 0
     for name, value in expected.items():
         if not name.endswith('_ms'):
             assert rows[2][name] == value or math.isnan(value)

@@ -23,7 +23,7 @@ import pytest
 from stereo_refine_ros.node.calibration import Calibration
 from stereo_refine_ros.node.frame import DecodedFrame, Frame
 from stereo_refine_ros.node.views import (
-    confidence_figures, missing_for, RefinedFrame, sure_part, VIEWS)
+    missing_for, RefinedFrame, sure_part, VIEWS)
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.types import (
     DisparityMap, PairHealth, PlaneSegmentation, RefinementResult, StereoGeometry, StereoPair)
@@ -92,13 +92,6 @@ def test_depth_has_its_camera_info():
     assert info.header == VIEWS['depth'](frame).header
     assert (info.width, info.height, list(info.p)) == (1, 1, list(frame.frame.calibration.left.p))
     assert frame.frame.calibration.left.header.stamp.nanosec == 7  # not written to
-
-
-def test_figures_of_confidence_and_health():
-    health = PairHealth(row_offset_px=0.5, gain_ratio=1.125, noise_sigma=2.0)
-    figures = confidence_figures(refined(np.ones((1, 4)), [[0.0, 0.5, 0.75, 1.0]], health))
-    assert figures == {'confidence_mean': 0.5625, 'published_ratio': 0.75,
-                       'row_offset_px': 0.5, 'gain_ratio': 1.125, 'noise_sigma': 2.0}
 
 
 def test_what_a_view_lacks_is_said():

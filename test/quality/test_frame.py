@@ -14,15 +14,18 @@
 
 """The figures of one frame under the keys of the metrics topic."""
 
+from dataclasses import replace
 import math
 
 import numpy as np
 import pytest
 
-from stereo_refine_ros.quality.frame import mean_inlier_ratio, measure_frame, TRUTH_KEYS
+from stereo_refine_ros.quality.frame import (
+    confidence_figures, mean_inlier_ratio, measure_frame, TRUTH_KEYS)
 from stereo_refine_ros.quality.photometric import compare_photometric
 from stereo_refine_ros.quality.summary import measure_against_truth
-from stereo_refine_ros.types import DisparityMap, PlaneSegmentation, RefinementResult, StereoPair
+from stereo_refine_ros.types import (
+    DisparityMap, PairHealth, PlaneSegmentation, RefinementResult, StereoPair)
 
 
 def frame():
@@ -43,6 +46,16 @@ def frame():
         DisparityMap(truth + np.float32(0.25), 0, 60), DisparityMap(preliminary, 0, 60),
         segments, 0.75, {'matching': 3.0, 'planes': 1.5}, 4.5)
     return result, StereoPair(image, np.roll(image, -6, axis=1)), truth
+
+
+def test_figures_of_confidence_and_health():
+    result, _, _ = frame()
+    result = replace(
+        result, confidence=np.array([[0.0, 0.5, 0.75, 1.0]], np.float32),
+        health=PairHealth(row_offset_px=0.5, gain_ratio=1.125, noise_sigma=2.0))
+    assert confidence_figures(result, 0.5) == {
+        'confidence_mean': 0.5625, 'published_ratio': 0.75, 'row_offset_px': 0.5,
+        'gain_ratio': 1.125, 'noise_sigma': 2.0}
 
 
 def test_keys_and_values_without_truth():

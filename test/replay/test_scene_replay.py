@@ -16,6 +16,7 @@
 
 from pathlib import Path
 import signal
+import time
 
 import cv2
 from listener import BEST_EFFORT, KIND_OF, pixels, replaying, stamp_ns
@@ -103,6 +104,15 @@ def test_endless_loop_in_a_namespace_ends_clean_on_a_signal(listen, number):
         _, err = process.communicate(timeout=20)
     assert process.returncode == 0
     assert 'Traceback' not in err
+
+
+def test_a_signal_at_any_moment_of_the_start_ends_it():
+    for delay_s in (0.3, 0.6, 0.8, 1.0, 1.2, 1.5):
+        with replaying('--synthetic', '--wait', 600) as process:
+            time.sleep(delay_s)  # from the imports to the wait for subscribers
+            process.send_signal(signal.SIGINT)
+            _, err = process.communicate(timeout=20)
+        assert process.returncode in (0, -signal.SIGINT), (delay_s, err)
 
 
 def test_folder_without_truth(listen, tmp_path):
