@@ -59,9 +59,10 @@ def write_pictures(folder: Path, scene: Scene, preliminary: FloatMap, refined: F
 
     """
     low, high = _range(scene, refined)
+    share = f'{100 * np.mean(np.isfinite(refined)):.0f} %'
     tiles = {'left': ('left view', _bgr(scene.pair.left)),
              'preliminary': ('preliminary disparity', color_disparity(preliminary, low, high)),
-             'refined': ('refined disparity', color_disparity(refined, low, high))}
+             'refined': (f'refined, as published ({share})', color_disparity(refined, low, high))}
     if scene.truth is not None:
         tiles['ground_truth'] = ('ground truth', color_disparity(scene.truth, low, high))
         for name, values in (('preliminary', preliminary), ('refined', refined)):
