@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 from stereo_refine_ros.refinement.choice import choose, settle, take
-from stereo_refine_ros.refinement.tuning import ALIKE, MARGIN_HOLE, MARGINS
+from stereo_refine_ros.refinement.tuning import (
+    ALIKE, MARGIN_GIVEN, MARGIN_HOLE, MARGIN_SLOPE, MARGINS)
 
 SHAPE = (12, 16)
 TEXTURE = np.random.default_rng(8).integers(0, 256, SHAPE, dtype=np.uint8)
@@ -97,6 +98,24 @@ def test_neighbours_count_only_where_they_have_something_to_choose():
     assert np.all(which[:, 8:] == 1) and np.all(which[:, :8] == 0)
 
 
+@pytest.mark.parametrize('step, gain, moves', [
+    (0.1, 1.95, False), (0.1, 2.05, True), (0.15, 1.15, False), (0.15, 1.3, True)])
+def test_the_margin_of_a_given_map_follows_its_mean_bend(step, gain, moves):
+    given = GIVEN + step * np.float32(np.arange(SHAPE[1]) % 2)  # bends by 2 x step along rows
+    bend = step  # the mean of that and of 0 along columns
+    margin = MARGIN_GIVEN - MARGIN_SLOPE * (np.log(bend + 0.005) + 2)
+    assert (gain > margin) == moves
+    maps, odds = candidates(gain)
+    maps[0] = given
+    assert np.all(choose(maps, odds, given, FLAT) == moves)
+
+
+def test_a_map_of_which_no_bend_is_known_has_the_middle_margin():
+    for gain, moves in ((MARGIN_GIVEN - 0.1, 0), (MARGIN_GIVEN + 0.1, 1)):
+        maps, odds = (part[:, :2, :2] for part in candidates(gain))
+        assert np.all(choose(maps, odds, GIVEN[:2, :2], FLAT[:2, :2]) == moves)
+
+
 def test_a_map_too_small_to_be_rough_is_chosen_from_too():
     maps, odds = (part[:, :1, :2] for part in candidates(LARGEST + 0.5))
     given = np.float32([[5, np.nan]])
@@ -120,6 +139,14 @@ def test_where_nothing_is_to_be_seen_nothing_is_likely():
     odds = np.full(SHAPE, 3, np.float32)
     plain = np.full((*SHAPE, 3), 250, np.uint8)
     assert (settle(odds, FLAT, plain) < -1).all()
+
+
+@pytest.mark.parametrize('level, is_plain', [(1, True), (3, False)])
+def test_plain_is_what_differs_by_less_than_a_grey_level(level, is_plain):
+    stripes = np.full(SHAPE, 90, np.uint8)
+    stripes[:, ::2] += np.uint8(level)  # a deviation of about half a level, and of 1.4
+    settled = settle(np.full(SHAPE, 3, np.float32), FLAT, stripes)
+    assert np.all((settled < 0) == is_plain)
 
 
 def test_equal_odds_settle_where_they_are():

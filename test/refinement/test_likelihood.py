@@ -35,12 +35,12 @@ def holed(rng, values, share):
     return values
 
 
-def random_world(seed, scale=1, is_grey=False, has_right=True):
+def random_world(seed, scale=1, is_grey=False, has_right=True, shift=0):
     """Return candidates, a given map, planes and evidence, all near 5 px and full of holes."""
     rng = np.random.default_rng(seed)
 
     def noise(sigma=0.8):
-        return 5 + rng.normal(0, sigma, SHAPE)
+        return 5 + shift + rng.normal(0, sigma, SHAPE)
 
     image = rng.integers(100, 130, (*SHAPE, 3), dtype=np.uint8)
     unknown = np.full(SHAPE, np.nan, np.float32)
@@ -62,10 +62,11 @@ def test_the_table_has_a_coefficient_for_every_feature(table):
     assert np.isfinite(table).all()
 
 
-@pytest.mark.parametrize('scale, is_grey, has_right', [
-    (1, False, True), (2, False, True), (1, True, True), (2, True, False)])
-def test_features_are_those_of_plain_python(scale, is_grey, has_right):
-    world = random_world(scale, scale, is_grey, has_right)
+@pytest.mark.parametrize('scale, is_grey, has_right, shift', [
+    (1, False, True, 0), (2, False, True, 0), (1, True, True, 0), (2, True, False, 0),
+    (1, False, True, -5)])  # around 0: partners beyond the last column too
+def test_features_are_those_of_plain_python(scale, is_grey, has_right, shift):
+    world = random_world(scale, scale, is_grey, has_right, shift)
     found = features_at(*world)
     assert found.shape == (3, *SHAPE, len(FEATURES)) and found.dtype == np.float32
     expected = likelihood_reference.features(*world)
