@@ -22,33 +22,28 @@ import os
 import signal
 import sys
 
-from stereo_refine_ros.dds_profile import profile_variables
-from stereo_refine_ros.params import preset_path
-from stereo_refine_ros.replay.keyboard import Keyboard
-from stereo_refine_ros.replay.options import (
-    build_parser, chosen_topics, DEFAULT_RATE_HZ, scene_source)
-from stereo_refine_ros.replay.timeline import Timeline
-from stereo_refine_ros.shared_memory import fit_to_host
-
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run `replay`; return the exit status."""
     # Until there is something to close, a signal ends the process at once: an exception would be
-    # lost where an import catches it.
+    # lost where an import catches it. Hence also no import of weight before.
     interrupt = signal.signal(signal.SIGINT, signal.SIG_DFL)
-    # Late: the middleware reads its variables when it is loaded.
+    # The middleware reads its variables when it is loaded.
     _give_images_room()
     import rclpy
     from rclpy._rclpy_pybind11 import RCLError
     from rclpy.executors import ExternalShutdownException
     from rclpy.utilities import remove_ros_args
 
+    from stereo_refine_ros.replay.options import build_parser
+    from stereo_refine_ros.shared_memory import fit_to_host
+
     arguments = list(sys.argv if args is None else ['replay', *args])
     options = build_parser().parse_args(remove_ros_args(arguments)[1:])
     fit_to_host(lambda text: print(f'replay: {text}', file=sys.stderr))
-    signal.signal(signal.SIGINT, interrupt)
-    rclpy.init(args=arguments)
     try:
+        signal.signal(signal.SIGINT, interrupt)
+        rclpy.init(args=arguments)
         count = _play(options)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
@@ -68,8 +63,11 @@ def main(args: Sequence[str] | None = None) -> int:
 
 
 def _play(options: argparse.Namespace) -> int:
+    from stereo_refine_ros.replay.options import chosen_topics, DEFAULT_RATE_HZ, scene_source
     if options.bag:
         from stereo_refine_ros.replay.bag_player import BagPlayer, Excerpt
+        from stereo_refine_ros.replay.keyboard import Keyboard
+        from stereo_refine_ros.replay.timeline import Timeline
         excerpt = Excerpt(
             tuple(chosen_topics(options.topics)), tuple(chosen_topics(options.exclude_topics)),
             options.start_offset, options.playback_duration)
@@ -85,6 +83,8 @@ def _play(options: argparse.Namespace) -> int:
 
 def _give_images_room() -> None:
     """Use the Fast DDS profile that this package ships, unless something else is chosen."""
+    from stereo_refine_ros.dds_profile import profile_variables
+    from stereo_refine_ros.params import preset_path
     try:
         config = preset_path('live').parent
     except FileNotFoundError:

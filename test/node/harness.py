@@ -165,7 +165,7 @@ class Client:
         while time.monotonic() < end:
             self.executor.spin_once(timeout_sec=0.02)
 
-    def exchange(self, messages: dict, topics=('disparity',), timeout_s: float = 20.0) -> list:
+    def exchange(self, messages: dict, topics=('disparity',), timeout_s: float = 60.0) -> list:
         """Send one set of messages; return what came on each topic with its stamp."""
         first = messages.get('left/camera_info') or messages['left/image_rect']
         stamp = first.header.stamp
