@@ -46,7 +46,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo
 from stereo_msgs.msg import DisparityImage
-from stereo_refine_ros.dds_domain import claim_domain
+from stereo_refine_ros.dds_domain import use_own_domain
 from timing import quartiles, time_rounds
 
 HERE = Path(__file__).resolve().parent
@@ -212,7 +212,7 @@ def parse() -> argparse.Namespace:
 def main() -> None:
     """Measure and print."""
     options = parse()
-    os.environ.setdefault('ROS_DOMAIN_ID', claim_domain())
+    use_own_domain()
     profile = HERE.parent / 'config' / 'fastdds_shm.xml'
     os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(profile))
     before = sgbm_ms(options)

@@ -27,7 +27,6 @@ import argparse
 from collections.abc import Callable
 import json
 import logging
-import os
 from pathlib import Path
 import resource
 import sys
@@ -41,7 +40,7 @@ from malformed import (
 from malformed_compressed import compress, spoil, SPOILS
 import numpy as np
 import psutil
-from stereo_refine_ros.dds_domain import claim_domain
+from stereo_refine_ros.dds_domain import use_own_domain
 
 EXTRA_BYTES = 3 << 30  # address space beyond that of the imports: threads take most of it
 GOOD_EVERY = 50
@@ -249,7 +248,7 @@ def main(args: list[str] | None = None) -> int:
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--json', type=Path, help='write the counts here as well')
     options = parser.parse_args(args)
-    os.environ.setdefault('ROS_DOMAIN_ID', claim_domain())
+    use_own_domain()
     logging.captureWarnings(True)
     limit_memory()
     reports = {}

@@ -25,7 +25,6 @@ import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-import os
 import signal
 import sys
 import threading
@@ -39,7 +38,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from stereo_msgs.msg import DisparityImage
-from stereo_refine_ros.dds_domain import claim_domain
+from stereo_refine_ros.dds_domain import use_own_domain
 from stereo_refine_ros.messages.scene import (
     camera_info_messages, image_message, nominal_geometry, scene_header)
 
@@ -160,7 +159,7 @@ def main() -> int:
     parser.add_argument('--stages', default=','.join(STAGES))
     parser.add_argument('--seed', type=int, default=0)
     options = parser.parse_args()
-    os.environ.setdefault('ROS_DOMAIN_ID', claim_domain())
+    use_own_domain()
     return int(measure(options.times, tuple(options.stages.split(',')), options.seed) > 0)
 
 

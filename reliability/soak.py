@@ -26,7 +26,6 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from dataclasses import dataclass, field
-import os
 from pathlib import Path
 import signal
 import subprocess
@@ -46,7 +45,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 from stereo_msgs.msg import DisparityImage
-from stereo_refine_ros.dds_domain import claim_domain
+from stereo_refine_ros.dds_domain import use_own_domain
 
 CAMERA = Path(__file__).with_name('soak_camera.py')
 CHANGES: dict[str, tuple[Any, ...]] = {
@@ -239,7 +238,7 @@ def main() -> int:
     parser.add_argument('--fault-rate', type=float, default=0.1, help='faults per set')
     parser.add_argument('--seed', type=int, default=0)
     options = parser.parse_args()
-    os.environ.setdefault('ROS_DOMAIN_ID', claim_domain())
+    use_own_domain()
     rclpy.init()
     with tempfile.TemporaryDirectory() as folder:
         soak = Soak(options, Path(folder) / 'camera.log')

@@ -47,3 +47,9 @@ def claim_domain() -> str:
         _held.append(lock)
         return str(number)
     return str(DOMAINS[first])
+
+
+def use_own_domain() -> None:
+    """Put this process and those that it starts into a domain of their own, unless told one."""
+    if 'ROS_DOMAIN_ID' not in os.environ:
+        os.environ['ROS_DOMAIN_ID'] = claim_domain()

@@ -41,3 +41,13 @@ def test_another_process_takes_another_and_leaves_it_when_it_ends():
     others = [subprocess.run([sys.executable, '-c', CLAIM], capture_output=True, text=True,
                              check=True).stdout.strip() for _ in range(2)]
     assert taken not in others and all(1 <= int(other) <= 101 for other in others)
+
+
+def test_a_domain_that_was_chosen_stays(monkeypatch):
+    monkeypatch.setattr(dds_domain, 'claim_domain', lambda: '7')
+    monkeypatch.setenv('ROS_DOMAIN_ID', '42')
+    dds_domain.use_own_domain()
+    assert os.environ['ROS_DOMAIN_ID'] == '42'
+    monkeypatch.delenv('ROS_DOMAIN_ID')
+    dds_domain.use_own_domain()
+    assert os.environ['ROS_DOMAIN_ID'] == '7'

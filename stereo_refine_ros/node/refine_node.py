@@ -47,8 +47,7 @@ from stereo_refine_ros.node.parameters import BadParameters, NodeParameters
 from stereo_refine_ros.node.publishers import Publishers
 from stereo_refine_ros.node.reporter import Reporter
 from stereo_refine_ros.node.truth import TruthDesk
-from stereo_refine_ros.node.views import (
-    missing_for, RefinedFrame, sure_part, VIEWS)
+from stereo_refine_ros.node.views import missing_for, RefinedFrame, sure_part, VIEWS
 from stereo_refine_ros.node.worker import Afterwork, Worker
 from stereo_refine_ros.pairing import MessageSet
 from stereo_refine_ros.params import Params

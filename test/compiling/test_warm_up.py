@@ -51,7 +51,6 @@ LONG = "'live', {'matching.num_disparities': 200}"
 # A parent that says which child it waits for, and is then killed.
 PARENT = """
 from stereo_refine_ros import warm_up
-from stereo_refine_ros.matching.scanline import LANES
 from stereo_refine_ros.params import load_preset
 warm_up.compile_apart(load_preset('live'), lambda text: print(text, flush=True))
 """

@@ -22,19 +22,17 @@ import pytest
 
 from stereo_refine_ros.node.calibration import Calibration
 from stereo_refine_ros.node.frame import DecodedFrame, Frame
-from stereo_refine_ros.node.views import (
-    missing_for, RefinedFrame, sure_part, VIEWS)
+from stereo_refine_ros.node.views import missing_for, RefinedFrame, sure_part, VIEWS
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.types import (
-    DisparityMap, PairHealth, PlaneSegmentation, RefinementResult, StereoGeometry, StereoPair)
+    DisparityMap, PlaneSegmentation, RefinementResult, StereoGeometry, StereoPair)
 
 pytestmark = pytest.mark.ros
 GEOMETRY = StereoGeometry(200.0, 0.1, 1.0, 0.5, 1.0)
-HEALTHY = PairHealth()
 NAN = np.float32(np.nan)
 
 
-def refined(values, confidence, health=HEALTHY, **parameters):
+def refined(values, confidence, **parameters):
     values, confidence = np.asarray(values, np.float32), np.asarray(confidence, np.float32)
     params = load_preset('live', {
         name.replace('__', '.'): value for name, value in parameters.items()})
@@ -42,7 +40,7 @@ def refined(values, confidence, health=HEALTHY, **parameters):
     segments = PlaneSegmentation(
         np.zeros(values.shape, np.int32), np.full((1, 3), np.nan), np.zeros(1, bool),
         np.zeros(1, np.float32))
-    result = RefinementResult(found, found, segments, 0.9, confidence=confidence, health=health)
+    result = RefinementResult(found, found, segments, 0.9, confidence=confidence)
     pair = StereoPair(np.zeros(values.shape, np.uint8), np.zeros(values.shape, np.uint8))
     info = camera_info(values.shape[1], values.shape[0], 7)
     frame = Frame(camera_info(1, 1, 9).header, GEOMETRY, None, calibration=Calibration(info, info))
