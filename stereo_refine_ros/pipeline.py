@@ -27,6 +27,7 @@ from stereo_refine_ros.levels import (
     at_full_size, grid_scale, repeated, segments_at_full_size, to_grid)
 from stereo_refine_ros.matching import check_memory, find_match
 from stereo_refine_ros.params import Params
+from stereo_refine_ros.rectification import columns_hold, RowOffset
 from stereo_refine_ros.refinement.evidence import gather_evidence, match_half
 from stereo_refine_ros.refinement.filters import apply_filter
 from stereo_refine_ros.refinement.likelihood import probability
@@ -97,7 +98,7 @@ class StereoRefiner:
             projected = self._project(PlaneStage(
                 given, data, segments, evidence, lowest,
                 lowest + params.matching.num_disparities - 1), params.planes, threads)
-            beside = start(threads, _enlarged, projected, pair.shape, scale)
+            beside = start(threads, _enlarged, projected, prepared.offset, pair.shape, scale)
             values = at_full_size(projected.choice, match.disparity.values, pair.left,
                                   evidence.image, scale, threads)
         with clock.timing('filter'):
@@ -136,9 +137,10 @@ class StereoRefiner:
             return build_segment_graph(image, self.params.segmentation, scale)
 
 
-def _enlarged(projected: Projected, shape: tuple[int, int], scale: int,
-              ) -> tuple[FloatMap, PlaneSegmentation]:
+def _enlarged(projected: Projected, offset: RowOffset, shape: tuple[int, int],
+              scale: int) -> tuple[FloatMap, PlaneSegmentation]:
     """Bring the confidence and the segments of a projection from the grid to full size."""
-    confidence = repeated(probability(projected.odds), shape, scale)
+    hold = columns_hold(projected.choice.values, offset, shape[1], scale)
+    confidence = repeated(probability(projected.odds) * hold, shape, scale)
     return (np.ascontiguousarray(confidence),
             segments_at_full_size(projected.segments, shape, scale))

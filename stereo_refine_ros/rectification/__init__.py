@@ -14,11 +14,12 @@
 
 """The vertical disagreement of two rectified views: found in them, undone, followed in time."""
 
+from stereo_refine_ros.rectification.columns import columns_hold
+from stereo_refine_ros.rectification.kernels import compile_kernels
 from stereo_refine_ros.rectification.row_offset import (
-    compile_kernels, find_row_offset, measure_row_offset, NO_OFFSET, RowOffset, significant,
-    undo_row_offset)
+    find_row_offset, measure_row_offset, NO_OFFSET, RowOffset, significant, undo_row_offset)
 from stereo_refine_ros.rectification.tracker import RowOffsetTracker
 
 __all__ = [
-    'NO_OFFSET', 'RowOffset', 'RowOffsetTracker', 'compile_kernels', 'find_row_offset',
-    'measure_row_offset', 'significant', 'undo_row_offset']
+    'NO_OFFSET', 'RowOffset', 'RowOffsetTracker', 'columns_hold', 'compile_kernels',
+    'find_row_offset', 'measure_row_offset', 'significant', 'undo_row_offset']

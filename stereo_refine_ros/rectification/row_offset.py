@@ -20,7 +20,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -79,6 +78,11 @@ class RowOffset:
     def is_zero(self) -> bool:
         """Whether there is nothing to undo."""
         return not any(self.terms)
+
+    def bend_px(self, width: int) -> float:
+        """Return what is left of the tilt in `width` columns once a turn is undone, pixels."""
+        columns = max(width - 1, 1)
+        return self.tilt_px - columns * _turn(self.tilt_px / columns)
 
     def at(self, shape: tuple[int, int]) -> FloatMap:
         """Return the offset of every pixel of the right view, float32 (H, W), pixels."""
@@ -173,14 +177,6 @@ def undo_row_offset(right: Image, offset: RowOffset, threads: int = 1) -> Image:
     angle = _turn(offset.tilt_px / max(width - 1, 1))
     run_bands(warp_rows, height, threads, image, np.array(offset.terms), angle, out)
     return out.reshape(right.shape)
-
-
-def compile_kernels() -> None:
-    """Run every kernel once, so that the first frame does not wait for the compiler."""
-    texture = np.random.default_rng(0).integers(0, 256, (96, 512), np.uint8)
-    view = np.asarray(cv2.GaussianBlur(texture, (0, 0), 4))
-    measure_row_offset(view, view, 0, 16)
-    undo_row_offset(view, RowOffset(tilt_px=1.0))
 
 
 def _turn(tilt: float) -> float:

@@ -20,6 +20,7 @@ from collections.abc import Sequence
 import time
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -84,5 +85,9 @@ def wait_delivered(node: Node, publishers: Sequence[Publisher]) -> None:
     step = Duration(seconds=_POLL_S)
     for publisher in publishers:
         while node.context.ok() and time.monotonic() < deadline:
-            if publisher.wait_for_all_acked(step):
-                break
+            try:
+                if publisher.wait_for_all_acked(step):
+                    break
+            except RCLError:
+                if node.context.ok():
+                    raise  # else ROS was shut down meanwhile: nothing is left to wait for

@@ -91,7 +91,7 @@ def test_scenes_at_a_rate_as_often_as_asked_in_grey_to_best_effort(listen):
     np.testing.assert_array_equal(pixels(messages[0]), grey)
     stamps = [stamp_ns(message) for message in messages]
     assert stamps == [stamp_ns(message) for message in listener.received['right/image_rect']]
-    assert np.diff(stamps) == pytest.approx(1e8, rel=0.3)
+    assert np.median(np.diff(stamps)) == pytest.approx(1e8, rel=0.3)  # a busy machine slips one
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
