@@ -163,42 +163,67 @@ def _mean(a, b, c, d):
 @njit(cache=True, nogil=True)
 def _restore_kernel(start, stop, grid_given, grid, is_moved, given, left, grid_left, is_literal,
                     smooth, out):
-    width = out.shape[1]
+    height, width = grid.shape
+    blend, most, least = np.empty((3, width + 2), np.float32)
+    between, span = np.empty((2, 2 * width), np.float32)
     for y in range(start, stop):
-        for x in range(width):
-            value, gy, gx = given[y, x], y >> 1, x >> 1
-            if is_literal and not is_moved[gy, gx]:
-                out[y, x] = value
-                continue
-            if not is_literal and not np.isnan(value):
-                stands = not is_moved[gy, gx] or abs(value - grid[gy, gx]) <= 1
-                if stands or not abs(value - grid_given[gy, gx]) <= 1:
-                    out[y, x] = value
-                    continue
-            out[y, x] = _interpolate(y, x, grid, left, grid_left, smooth)
+        gy = y >> 1
+        above, below = max((y - 1) >> 1, 0), min(((y - 1) >> 1) + 1, height - 1)
+        _blend_rows(grid[above], grid[below], np.float32(0.25 if y & 1 else 0.75), blend, most,
+                    least)
+        _double_columns(blend, most, least, between, span)
+        moved, chosen, before = is_moved[gy], grid[gy], grid_given[gy]
+        row, to = given[y], out[y]
+        for x in range(row.shape[0]):
+            value, gx = row[x], x >> 1
+            if is_literal:
+                stands = not moved[gx]
+            else:
+                stands = not np.isnan(value) and (
+                    not moved[gx] or abs(value - chosen[gx]) <= 1
+                    or not abs(value - before[gx]) <= 1)
+            if stands:
+                to[x] = value
+            elif span[x] <= smooth:
+                to[x] = between[x]
+            else:
+                to[x] = _most_alike(y, x, above, below, grid, left, grid_left)
 
 
 @njit(cache=True, nogil=True)
-def _interpolate(y, x, grid, left, grid_left, smooth):
-    """Interpolate where the grid is smooth, else take the neighbour most alike in colour."""
-    height, width = grid.shape
-    v, u = (y - 1) >> 1, (x - 1) >> 1
-    y0, y1 = max(v, 0), min(v + 1, height - 1)
-    x0, x1 = max(u, 0), min(u + 1, width - 1)
-    down = np.float32(0.25) if y & 1 else np.float32(0.75)
-    right = np.float32(0.25) if x & 1 else np.float32(0.75)
-    a, b, c, d = grid[y0, x0], grid[y0, x1], grid[y1, x0], grid[y1, x1]
-    if max(max(a, b), max(c, d)) - min(min(a, b), min(c, d)) <= smooth:
-        one = np.float32(1)
-        return (a * (one - right) + b * right) * (one - down) + (
-            c * (one - right) + d * right) * down
-    best, least = a, np.int32(1 << 30)
-    parts = np.int32(3 // left.shape[2])  # grey counts as three equal channels
+def _blend_rows(above, below, down, blend, most, least):
+    """Blend two rows of the grid and note their larger and smaller values; one more each side."""
+    width = above.shape[0]
+    for x in range(width):
+        blend[x + 1] = above[x] * (np.float32(1) - down) + below[x] * down
+        most[x + 1], least[x + 1] = max(above[x], below[x]), min(above[x], below[x])
+    for row in (blend, most, least):
+        row[0], row[width + 1] = row[1], row[width]
+
+
+@njit(cache=True, nogil=True)
+def _double_columns(blend, most, least, between, span):
+    """Interpolate between the columns of the grid; the span of the four values around."""
+    near, far = np.float32(0.75), np.float32(0.25)
+    for x in range(between.shape[0] // 2):
+        a, b, c = blend[x], blend[x + 1], blend[x + 2]
+        between[2 * x], between[2 * x + 1] = far * a + near * b, near * b + far * c
+        span[2 * x] = max(most[x], most[x + 1]) - min(least[x], least[x + 1])
+        span[2 * x + 1] = max(most[x + 1], most[x + 2]) - min(least[x + 1], least[x + 2])
+
+
+@njit(cache=True, nogil=True, inline='always')
+def _most_alike(y, x, above, below, grid, left, grid_left):
+    """Return what the one of four pixels of the grid has that is most alike in colour."""
+    width, channels = grid.shape[1], left.shape[2]
+    before, after = max((x - 1) >> 1, 0), min(((x - 1) >> 1) + 1, width - 1)
+    best, least = np.float32(0), np.int32(1 << 30)
+    parts = np.int32(3 // channels)  # grey counts as three equal channels
     for k in range(4):
-        gy, gx = y1 if k & 2 else y0, x1 if k & 1 else x0
+        gy, gx = below if k & 2 else above, after if k & 1 else before
         # Of two that are equally alike, the nearer.
         change = np.int32(0 if gy == y >> 1 else 5) + np.int32(0 if gx == x >> 1 else 5)
-        for i in range(left.shape[2]):
+        for i in range(channels):
             change += parts * abs(np.int32(left[y, x, i]) - np.int32(grid_left[gy, gx, i]))
         if change < least:
             best, least = grid[gy, gx], change

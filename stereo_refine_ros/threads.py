@@ -43,15 +43,19 @@ def run_bands(kernel: Callable[..., Any], size: int, threads: int, *args: Any) -
     if threads == 1 or size < 2:
         kernel(0, size, *args)
         return
-    bands = min(size, threads * _BANDS_PER_THREAD)
-    bounds = [size * i // bands for i in range(bands + 1)]
+    run_parts(kernel, size, min(size, threads * _BANDS_PER_THREAD), threads, *args)
+
+
+def run_parts(kernel: Callable[..., Any], size: int, parts: int, threads: int, *args: Any) -> None:
+    """Call `kernel(start, stop, *args)` for so many parts of range(size), on free threads."""
+    bounds = [size * i // parts for i in range(parts + 1)]
     taken = count()
 
     def work() -> None:
-        while (band := next(taken)) < bands:
-            kernel(bounds[band], bounds[band + 1], *args)
+        while (part := next(taken)) < parts:
+            kernel(bounds[part], bounds[part + 1], *args)
 
-    helpers = [_pool(threads - 1).submit(work) for _ in range(min(threads, bands) - 1)]
+    helpers = [_pool(threads - 1).submit(work) for _ in range(min(threads, parts) - 1)]
     work()
     # A helper that has not begun is busy elsewhere, and nothing is left for it.
     for helper in helpers:

@@ -20,19 +20,21 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 import math
 import threading
-import time
 
 import numpy as np
 
 from stereo_refine_ros.health.clearing import clear_pair
-from stereo_refine_ros.health.external import fits_right_better, given_agreement
-from stereo_refine_ros.health.suspicion import CoarseLook, suspect
-from stereo_refine_ros.health.tuning import LOOK_EVERY_PAIRS, LOOK_EVERY_S
+from stereo_refine_ros.health.external import given_agreement
+from stereo_refine_ros.health.long_look import LongLook
+from stereo_refine_ros.health.tuning import LOOK_EVERY_PAIRS
 from stereo_refine_ros.health.views import measure_views
 from stereo_refine_ros.params import MatchingParams, Params
 from stereo_refine_ros.rectification import (
     measure_row_offset, RowOffset, RowOffsetTracker, significant, undo_row_offset)
+from stereo_refine_ros.threads import start, Task
 from stereo_refine_ros.types import FloatMap, PairHealth, StereoPair
+
+Measured = tuple[RowOffset, PairHealth]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,21 +50,25 @@ class Prepared:
         That was found.
     views : PairHealth
         What the two images say by themselves.
+    seeing : Task of (RowOffset, PairHealth) or None, optional
+        Both of this pair, where they are still being measured: for the next ones.
 
     """
 
     pair: StereoPair
     offset: RowOffset
     views: PairHealth
+    seeing: Task[Measured | None] | None = None
 
 
 class PairExaminer:
     """
     Find the row offset of a pair and undo it; say how healthy the pair is.
 
-    With `temporal.enabled` the offset settles over the pairs that one examiner has seen. Pairs
-    may come from several threads. What takes longer than a frame has is looked at once in
-    LOOK_EVERY_S seconds; it changes no disparity.
+    With `temporal.enabled` the offset settles over the pairs that one examiner has seen, and once
+    there is one, a pair is measured beside its matching, for the next ones. Pairs may come from
+    several threads. What takes longer than a frame has, a `LongLook` asks bit by
+    bit; it changes no disparity.
     """
 
     def __init__(self, params: Params) -> None:
@@ -72,9 +78,7 @@ class PairExaminer:
         self._pairs = 0
         self._views = PairHealth()
         self._lock = threading.Lock()
-        self._looked_at = -LOOK_EVERY_S
-        self._look = CoarseLook(math.nan, math.nan, math.nan, math.nan)
-        self._fits_right = False
+        self._long_look = LongLook()
 
     def follow(self, other: PairExaminer) -> None:
         """Take over what another examiner knows of the cameras, as far as it holds here."""
@@ -85,38 +89,47 @@ class PairExaminer:
                 self._tracker, self._pairs = deepcopy(other._tracker), other._pairs
                 self._views = other._views
             # Parameters that change with every frame must not ask for a look at every frame.
-            self._looked_at, self._look = other._looked_at, other._look
-            self._fits_right = other._fits_right
+            self._long_look = other._long_look
 
     def prepare(self, pair: StereoPair, threads: int) -> Prepared:
         """Undo the row offset of a pair, and clear it of noise; say what was found."""
         if pair.right is None:
             return Prepared(pair, RowOffset(), PairHealth())
-        offset, views = self._measured(pair)
+        (offset, views), is_due = self._known(pair)
+        as_it_came = pair if is_due else None
         if self._params.rectification.correct and not offset.is_zero:
             pair = pair.with_right(undo_row_offset(pair.right, offset, threads))
-        return Prepared(clear_pair(pair, views), offset, views)
+        pair = clear_pair(pair, views)
+        return Prepared(pair, offset, views, start(threads, self._see, pair, as_it_came))
 
-    def _measured(self, pair: StereoPair) -> tuple[RowOffset, PairHealth]:
-        """Measure a pair, or take what has settled over the last ones."""
+    def _known(self, pair: StereoPair) -> tuple[Measured, bool]:
+        """Take what has settled over the last pairs, and whether this one is to be measured."""
         if not self._params.temporal.enabled:
-            return significant(self._row_offset(pair)), self._measure_views(pair)
+            offset, views = self._measure(pair)
+            return (significant(offset), views), False
         with self._lock:
             self._pairs += 1
-            if not self._tracker.wants_more and self._pairs % LOOK_EVERY_PAIRS:
-                return self._tracker.in_use, self._views
-        measured, views = self._row_offset(pair), self._measure_views(pair)
+            is_due = self._tracker.wants_more or self._pairs % LOOK_EVERY_PAIRS == 0
+            if self._tracker.has_evidence:
+                return (self._tracker.in_use, self._views), is_due
+        return self._learn(*self._measure(pair)), False
+
+    def _see(self, pair: StereoPair, as_it_came: StereoPair | None) -> Measured | None:
+        """Find out, beside the matching, what this frame does not wait for."""
+        self._long_look.ask(pair, self._params.matching)
+        return None if as_it_came is None else self._measure(as_it_came)
+
+    def _measure(self, pair: StereoPair) -> Measured:
+        matching = self._params.matching
+        views = pair.left_grey, pair.right_grey
+        return (measure_row_offset(*views, matching.min_disparity, matching.num_disparities),
+                measure_views(*views))
+
+    def _learn(self, offset: RowOffset, views: PairHealth) -> Measured:
+        """Take in what was measured of a pair; return what holds now."""
         with self._lock:
             self._views = views
-            return self._tracker.update(measured), views
-
-    def _row_offset(self, pair: StereoPair) -> RowOffset:
-        matching = self._params.matching
-        return measure_row_offset(pair.left_grey, pair.right_grey, matching.min_disparity,
-                                  matching.num_disparities)
-
-    def _measure_views(self, pair: StereoPair) -> PairHealth:
-        return measure_views(pair.left_grey, pair.right_grey)
+            return self._tracker.update(offset), views
 
     def examine(self, prepared: Prepared, fine: FloatMap, given: FloatMap | None) -> PairHealth:
         """
@@ -135,32 +148,18 @@ class PairExaminer:
         pair = prepared.pair
         if pair.right is None:
             return PairHealth()
-        look, fits_right = self._coarse_look(pair, given)
-        matching = self._params.matching
+        measured = prepared.seeing.result() if prepared.seeing else None
+        if measured is not None:
+            self._learn(*measured)
+        look, matching = self._long_look.latest, self._params.matching
         offset = prepared.offset
         return replace(
             prepared.views, row_offset_px=offset.largest_px if offset.points else math.nan,
             nearer_ratio=look.nearer,
             matched_ratio=look.as_is, upside_down_ratio=look.upside_down,
             swapped_ratio=look.swapped, last_disparity_ratio=_at_the_end(fine, matching),
-            fits_right_better=fits_right,
+            fits_right_better=given is not None and self._long_look.fits_right(given, pair),
             given_agreement=math.nan if given is None else given_agreement(given, fine))
-
-    def _coarse_look(self, pair: StereoPair, given: FloatMap | None,
-                     ) -> tuple[CoarseLook, bool]:
-        with self._lock:
-            now = time.monotonic()
-            if now - self._looked_at < LOOK_EVERY_S:
-                return self._look, self._fits_right
-            self._looked_at = now
-        matching = self._params.matching
-        left, right = pair.left_grey, pair.right_grey
-        look = suspect(left, right, matching.min_disparity, matching.num_disparities)
-        fits_right = (given is not None and given.shape == left.shape
-                      and fits_right_better(given, left, right))
-        with self._lock:
-            self._look, self._fits_right = look, fits_right
-        return look, fits_right
 
 
 def _at_the_end(fine: FloatMap, matching: MatchingParams) -> float:

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 import math
 
 import cv2
@@ -52,6 +52,10 @@ class CoarseLook:
     nearer: float
 
 
+# How a pair may be looked at: the fields of CoarseLook.
+VIEWS = tuple(field.name for field in fields(CoarseLook))
+
+
 def suspect(left: Image, right: Image, min_disparity: int, num_disparities: int) -> CoarseLook:
     """
     Match a pair coarsely, as it is and in the two ways it may have been put together wrongly.
@@ -64,19 +68,27 @@ def suspect(left: Image, right: Image, min_disparity: int, num_disparities: int)
         The range at full size, pixels.
 
     """
+    return CoarseLook(*(
+        look_at(view, left, right, min_disparity, num_disparities) for view in VIEWS))
+
+
+def look_at(view: str, left: Image, right: Image, min_disparity: int, num_disparities: int,
+            ) -> float:
+    """Return one field of `suspect`."""
     scale = max(1, round(left.shape[1] / tuning.COARSE_WIDTH_PX))
     size = max(1, left.shape[1] // scale), max(1, left.shape[0] // scale)
-    small = [np.asarray(cv2.resize(view, size, interpolation=cv2.INTER_AREA))
-             for view in (left, right)]
+    small = [np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+             for image in (left, right)]
     lowest, count = min_disparity // scale, -(-num_disparities // scale)
-    turned = cv2.rotate(small[1], cv2.ROTATE_180)
-    end = (min_disparity + num_disparities) / scale
-    return CoarseLook(
-        _matched_ratio(small[0], small[1], lowest, count),
-        _matched_ratio(small[0], np.asarray(turned), lowest, count),
-        _matched_ratio(small[1], small[0], lowest, count),
+    if view == 'nearer':
         # What leaves the view has no partner: the range grows by the width at most.
-        _matched_ratio(small[0], small[1], lowest, count + min(count, size[0]), end + 1))
+        return _matched_ratio(small[0], small[1], lowest, count + min(count, size[0]),
+                              (min_disparity + num_disparities) / scale + 1)
+    if view == 'swapped':
+        small.reverse()
+    elif view == 'upside_down':
+        small[1] = np.asarray(cv2.rotate(small[1], cv2.ROTATE_180))
+    return _matched_ratio(small[0], small[1], lowest, count)
 
 
 def _matched_ratio(left: Image, right: Image, lowest: int, count: int,

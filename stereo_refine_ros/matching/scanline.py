@@ -24,21 +24,21 @@ from stereo_refine_ros.matching.features import feature_planes, flat_steps
 from stereo_refine_ros.matching.islands import without_islands
 from stereo_refine_ros.matching.match import Match, Scan
 from stereo_refine_ros.matching.scanline_paths import (
-    band_kernel, totals_size, work_size)
+    band_kernel, STRIP, totals_size, work_size)
 from stereo_refine_ros.matching.scratch import scratch
 from stereo_refine_ros.matching.tuning import (
     CENSUS_CAP, EDGE_FACTOR, EDGE_STEP, FULL_RANGE, GRADIENT_CAP, OUT_OF_VIEW, PENALTIES, WINDOW)
 from stereo_refine_ros.matching.vector_twins import LANES_PER_ITEM, PLANES
 from stereo_refine_ros.matching.windows import half_range, windows
 from stereo_refine_ros.params import MatchingParams
-from stereo_refine_ros.threads import run_bands, start
+from stereo_refine_ros.threads import run_parts, start
 from stereo_refine_ros.types import DisparityMap, StereoPair
 
 # Powers of two: vectors of other widths are taken apart, 96 lanes cost more than 128 do.
 LANES = (32, 64, 128, 256)
-# Rows of a band, about: by the height alone, so that the result does not depend on the number of
-# threads. Each band matches RUN_UP rows above and below it once more.
-_BAND_ROWS = 160
+# Rows of a band, whole strips, so that the result does not depend on the number of threads. Each
+# band matches RUN_UP rows above and below it once more; larger ones leave threads without work.
+_BAND_ROWS = 3 * STRIP
 _ONE_WINDOW = np.zeros((1, 1), np.int32)
 
 
@@ -130,14 +130,12 @@ def scan_windows(pair: StereoPair, min_disparity: int, num_disparities: int,
                 ((GRADIENT_CAP, CENSUS_CAP), _penalties(), min_disparity, margin,
                  num_disparities - 1))
 
-        count = max(2, round(height / _BAND_ROWS))
-
-        def bands(first: int, last: int) -> None:
-            for band in range(first, last):
-                with scratch(totals + working) as work:
-                    band_kernel(height * band // count, height * (band + 1) // count, *args,
-                                (work[totals:], work[:totals].view(np.uint16)), out)
-        run_bands(bands, count, threads)
+        def match_band(band: int, _: int) -> None:
+            with scratch(totals + working) as work:
+                band_kernel(band * _BAND_ROWS, min((band + 1) * _BAND_ROWS, height), *args,
+                            (work[totals:], work[:totals].view(np.uint16)), out)
+        count = -(-height // _BAND_ROWS)
+        run_parts(match_band, count, count, threads)
     return Scan(*out)
 
 

@@ -45,6 +45,11 @@ class RowOffsetTracker:
         return self._in_use
 
     @property
+    def has_evidence(self) -> bool:
+        """Whether any frame said anything yet."""
+        return bool(self._measured)
+
+    @property
     def wants_more(self) -> bool:
         """Whether the average rests on too few frames yet, or on frames that disagree."""
         latest = list(self._measured)

@@ -24,8 +24,10 @@ import numpy as np
 import pytest
 from real_pairs import lowered
 
-from stereo_refine_ros.health import pair as examiner_module
-from stereo_refine_ros.health.pair import PairExaminer, Prepared
+from stereo_refine_ros.health import long_look
+from stereo_refine_ros.health.long_look import LongLook
+from stereo_refine_ros.health.pair import PairExaminer
+from stereo_refine_ros.health.suspicion import CoarseLook, VIEWS
 from stereo_refine_ros.health.tuning import LOOK_EVERY_S
 from stereo_refine_ros.health.views import measure_views
 from stereo_refine_ros.params import load_preset
@@ -34,6 +36,7 @@ from stereo_refine_ros.types import PairHealth, StereoPair
 
 SHAPE = (192, 320)
 SHIFT = 9
+PARAMS = load_preset('accurate', {'matching.num_disparities': 32})
 
 
 def examiner(**values):
@@ -78,7 +81,8 @@ def examine(examiner, pair, offset, fine, given):
     views = PairHealth() if pair.right is None else measure_views(
         *(cv2.cvtColor(view, cv2.COLOR_BGR2GRAY) if view.ndim == 3 else view
           for view in (pair.left, pair.right)))
-    return examiner.examine(Prepared(pair, offset, views), fine, given)
+    seen = dataclasses.replace(examiner.prepare(pair, 1), pair=pair, offset=offset, views=views)
+    return examiner.examine(seen, fine, given)
 
 
 def test_the_row_offset_is_undone(pair, low_pair):
@@ -184,18 +188,61 @@ def test_a_map_from_outside_is_compared_with_the_own_match(pair):
     assert not health.fits_right_better
 
 
-def test_a_long_look_is_taken_once_in_a_while(pair, monkeypatch):
-    now = [100.0]
-    monkeypatch.setattr(examiner_module, 'time', SimpleNamespace(monotonic=lambda: now[0]))
-    looks = []
-    monkeypatch.setattr(examiner_module, 'suspect', lambda *args: looks.append(1) or (
-        examiner_module.CoarseLook(len(looks), 0.0, 0.0, 0.0)))
-    watching = examiner()
-    ratios = []
-    for now[0] in (100.0, 100.0 + 0.9 * LOOK_EVERY_S, 100.0 + 1.1 * LOOK_EVERY_S):
-        ratios.append(examine(watching, pair, RowOffset(), pair.left[..., 0] * np.float32(0), None)
-                      .matched_ratio)
-    assert ratios == [1, 1, 2]
+def test_a_pair_is_measured_beside_its_matching_for_the_next_ones(pair, low_pair):
+    watching, fine = examiner(temporal__enabled=True), np.ones(SHAPE, np.float32)
+    first = watching.prepare(low_pair, 2)
+    assert first.offset.offset_px == pytest.approx(1.5, abs=0.15)
+    watching.examine(first, fine, None)
+    seen = []
+    for _ in range(4):  # as many as make a knock, and one more that it is undone in
+        prepared = watching.prepare(pair, 2)
+        seen.append(prepared.offset.offset_px)
+        health = watching.examine(prepared, fine, None)
+        assert health.row_offset_px == prepared.offset.largest_px
+    assert seen[0] == first.offset.offset_px and abs(seen[3]) < 0.1
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """What the pairs were asked, at a time that stands still; every answer is another."""
+    log = SimpleNamespace(now=100.0, questions=[])
+    monkeypatch.setattr(long_look, 'time', SimpleNamespace(monotonic=lambda: log.now))
+
+    def look_at(question, *_):
+        log.questions.append(question)
+        return float(len(log.questions))
+    monkeypatch.setattr(long_look, 'look_at', look_at)
+    monkeypatch.setattr(long_look, 'fits_right_better',
+                        lambda *_: log.questions.append('fits right') or True)
+    return log
+
+
+def test_a_long_look_is_taken_bit_by_bit_once_in_a_while(pair, asked):
+    watching = LongLook()
+    assert math.isnan(watching.latest.as_is)
+
+    def ask():
+        asked.questions.clear()
+        watching.ask(pair, PARAMS.matching)
+        return watching.latest, asked.questions
+    first = CoarseLook(1, 2, 3, 4)
+    assert ask() == (first, list(VIEWS))
+    asked.now += 0.9 * LOOK_EVERY_S
+    assert ask() == (first, [])
+    asked.now += 0.2 * LOOK_EVERY_S
+    for question in VIEWS[:-1]:
+        assert ask() == (first, [question])
+    assert ask() == (CoarseLook(1, 1, 1, 1), [VIEWS[-1]])
+    assert ask() == (CoarseLook(1, 1, 1, 1), [])
+
+
+def test_a_map_is_looked_at_once_in_a_while(pair, asked):
+    watching, given = LongLook(), np.ones(SHAPE, np.float32)
+    for passed, number in ((0, 1), (0.9, 1), (0.2, 2)):
+        asked.now += passed * LOOK_EVERY_S
+        assert watching.fits_right(given, pair)
+        assert asked.questions == ['fits right'] * number
+    assert not LongLook().fits_right(given[1:], pair)
 
 
 @pytest.mark.parametrize('is_temporal', [False, True])
@@ -206,8 +253,8 @@ def test_pairs_from_several_threads_do_not_meet(low_pair, is_temporal):
     health = examine(alone, low_pair, offset, np.ones(SHAPE, np.float32), None)
 
     def one_frame(_):
-        found, seen = rectify(shared, low_pair, 1)
-        return found, examine(shared, low_pair, seen, np.ones(SHAPE, np.float32), None)
+        prepared = shared.prepare(low_pair, 1)
+        return prepared.pair, shared.examine(prepared, np.ones(SHAPE, np.float32), None)
     with ThreadPoolExecutor(4) as pool:
         frames = list(pool.map(one_frame, range(12)))
     for found, told in frames:
@@ -221,11 +268,7 @@ def test_pairs_from_several_threads_do_not_meet(low_pair, is_temporal):
         health.matched_ratio}
 
 
-def test_other_parameters_keep_what_is_known_of_the_cameras(low_pair, monkeypatch):
-    looks = []
-    suspect = examiner_module.suspect
-    monkeypatch.setattr(
-        examiner_module, 'suspect', lambda *args: looks.append(1) or suspect(*args))
+def test_other_parameters_keep_what_is_known_of_the_cameras(low_pair, asked):
     before = examiner(temporal__enabled=True)
     for _ in range(3):
         prepared = before.prepare(low_pair, 1)
@@ -237,7 +280,7 @@ def test_other_parameters_keep_what_is_known_of_the_cameras(low_pair, monkeypatc
     same_bits(again.offset, prepared.offset)
     assert again.offset.largest_px == pytest.approx(1.5, abs=0.15)
     assert after.examine(again, fine, None).matched_ratio == known.matched_ratio
-    assert len(looks) == 1  # the second examiner had no need of its own
+    assert asked.questions == list(VIEWS)  # the second examiner had no need of its own
 
 
 def test_another_range_asks_for_the_rows_again(pair, low_pair):

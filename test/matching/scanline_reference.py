@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-BAND_ROWS, STRIP, RUN_UP = 160, 48, 12
+BAND_ROWS, STRIP, RUN_UP = 144, 48, 12
 GRADIENT_CAP, CENSUS_CAP, OUT_OF_VIEW = 14, 20, 22
 # By axis, then by whether the step is flat.
 PENALTIES = {'row': {True: (55, 147), False: (14, 37)},
@@ -82,9 +82,8 @@ def path(image, costs, pixels, kind, edge_step):
 
 def strips(height):
     """Yield (band start, strip start, strip end)."""
-    bands = max(2, round(height / BAND_ROWS))
-    for band in range(bands):
-        start, stop = height * band // bands, height * (band + 1) // bands
+    for start in range(0, height, BAND_ROWS):
+        stop = min(start + BAND_ROWS, height)
         for top in range(start, stop, STRIP):
             yield start, top, min(top + STRIP, stop)
 

@@ -1,0 +1,78 @@
+# Copyright 2026 stereo_refine_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What takes longer to find out than a frame has: asked bit by bit, once in a while."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+
+from stereo_refine_ros.health.external import fits_right_better
+from stereo_refine_ros.health.suspicion import CoarseLook, look_at, VIEWS
+from stereo_refine_ros.health.tuning import LOOK_EVERY_S
+from stereo_refine_ros.params import MatchingParams
+from stereo_refine_ros.types import FloatMap, StereoPair
+
+
+class LongLook:
+    """
+    Look at a pair coarsely, and at a map from outside, once in LOOK_EVERY_S seconds.
+
+    The first pair is asked everything; later every pair one question, until all have been
+    answered, so that no frame is late for it. Pairs may come from several threads.
+    """
+
+    def __init__(self) -> None:
+        """Start without knowledge."""
+        self._lock = threading.Lock()
+        self._begun_at = self._map_seen_at = -math.inf
+        self._open: list[str] = []
+        self._answers: dict[str, float] = {}
+        self._fits_right = False
+        self.latest = CoarseLook(math.nan, math.nan, math.nan, math.nan)
+
+    def ask(self, pair: StereoPair, matching: MatchingParams) -> None:
+        """Ask a pair what is due; `latest` changes once all has been answered."""
+        for view in self._due():
+            answer = look_at(view, pair.left_grey, pair.right_grey, matching.min_disparity,
+                             matching.num_disparities)
+            with self._lock:
+                self._answers[view] = answer
+                if not self._open and len(self._answers) == len(VIEWS):
+                    self.latest = CoarseLook(**self._answers)
+
+    def _due(self) -> list[str]:
+        with self._lock:
+            is_first = math.isinf(self._begun_at)
+            now = time.monotonic()
+            if not self._open and now - self._begun_at >= LOOK_EVERY_S:
+                self._begun_at, self._open = now, list(VIEWS)
+            number = len(self._open) if is_first else 1
+            due, self._open = self._open[:number], self._open[number:]
+            return due
+
+    def fits_right(self, given: FloatMap, pair: StereoPair) -> bool:
+        """Tell whether a map from outside was last seen to be one of the right view."""
+        with self._lock:
+            now = time.monotonic()
+            if now - self._map_seen_at < LOOK_EVERY_S:
+                return self._fits_right
+            self._map_seen_at = now
+        found = given.shape == pair.shape and fits_right_better(
+            given, pair.left_grey, pair.right_grey)
+        with self._lock:
+            self._fits_right = found
+        return found
