@@ -204,7 +204,7 @@ def test_a_pair_is_measured_beside_its_matching_for_the_next_ones(pair, low_pair
 
 @pytest.fixture
 def asked(monkeypatch):
-    """What the pairs were asked, at a time that stands still; every answer is another."""
+    """Log what pairs are asked, at a time that stands still; every answer is another."""
     log = SimpleNamespace(now=100.0, questions=[])
     monkeypatch.setattr(long_look, 'time', SimpleNamespace(monotonic=lambda: log.now))
 
