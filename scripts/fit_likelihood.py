@@ -18,7 +18,8 @@ Fit the likelihood model: the coefficients in stereo_refine_ros/refinement/likel
 From every scene with ground truth of the lab (middlebury) and the field (field/kitti2012,
 field/eth3d, field/middlebury) below --data: the own map, SGBM's and BM's as they come and filled
 (so that "dense" does not come to mean "trust"), and the network's where there is one; on both
-grids; with and without the right view. Each set weighs the same. Newton's method on the
+grids; with and without the right view. Pixels whose columns cannot be believed to a pixel, since
+rows are bent there, teach nothing. Each set weighs the same. Newton's method on the
 log-likelihood with a small ridge. --leave-out SET fits without a set, to see that the model
 carries over to sets that it has not seen; --write replaces the table.
 
@@ -47,6 +48,7 @@ from stereo_refine_ros.levels import grid_scale, to_grid  # noqa: E402
 from stereo_refine_ros.matching import compute_match  # noqa: E402
 from stereo_refine_ros.matching.match import Match  # noqa: E402
 from stereo_refine_ros.params import load_preset, Params  # noqa: E402
+from stereo_refine_ros.rectification import columns_hold  # noqa: E402
 from stereo_refine_ros.refinement.candidates import propose  # noqa: E402
 from stereo_refine_ros.refinement.evidence import gather_evidence, match_half  # noqa: E402
 from stereo_refine_ros.refinement.filling import fill_from_background  # noqa: E402
@@ -57,6 +59,7 @@ from stereo_refine_ros.types import DisparityMap, FloatMap, StereoPair  # noqa: 
 
 TABLE = ROOT / 'stereo_refine_ros' / 'refinement' / 'likelihood_table.py'
 PIXELS = 1000  # of every map
+HOLD = 0.95  # how sure the columns of a pixel must be
 RIDGE, STEPS = 3.0, 10
 PRESETS = ('live', 'accurate')
 
@@ -86,13 +89,16 @@ def given_maps(pair: StereoPair, scene: FieldScene, own: Match, params: Params,
 def rows_of(scene: FieldScene, preset: str, rng: np.random.Generator) -> Iterator[Rows]:
     """Gather training rows of a scene with the grid and the planes of a preset."""
     params = load_preset(preset, {'matching.num_disparities': scene.num_disparities})
-    pair = PairExaminer(params).prepare(StereoPair(scene.left, scene.right), 2).pair
+    prepared = PairExaminer(params).prepare(StereoPair(scene.left, scene.right), 2)
+    pair = prepared.pair
     scale = grid_scale(pair.shape, params.processing.refine_pixels)
     own = compute_match(pair, params.matching, 2)
     evidence = gather_evidence(pair, own, to_grid(own.disparity.values, scale),
                                match_half(pair, params.matching), params.matching, scale, 2)
     graph = build_segment_graph(evidence.image, params.segmentation, scale)
     truth = to_grid(scene.truth, scale)
+    hold = columns_hold(truth, prepared.offset, pair.shape[1], scale)
+    truth = np.where(hold >= HOLD, truth, np.float32(np.nan))
     for given in given_maps(pair, scene, own, params):
         match = Match(DisparityMap(given, 0, scene.num_disparities), is_own=False)
         on_grid = to_grid(given, scale)

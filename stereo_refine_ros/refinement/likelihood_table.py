@@ -15,57 +15,57 @@
 """Coefficients of the likelihood: made by scripts/fit_likelihood.py."""
 
 PAIR = (
-    -1.4516,  # bias
-    2.2485,  # vote
-    0.1058,  # around
-    1.0273,  # plane_near
-    -0.5841,  # plane_far
-    -0.5571,  # given_far
-    -0.3788,  # smooth_given
-    0.2827,  # smooth_ungiven
-    1.0407,  # fine_near
-    -0.5896,  # coarse_far
-    0.5783,  # uniqueness
-    -0.5930,  # bend
-    -0.4973,  # transparent
-    0.0589,  # unseen
-    -0.0947,  # hole
-    0.9386,  # hole_vote
-    -0.7152,  # hole_plane
-    0.4144,  # hole_behind
-    -0.3339,  # border
-    0.8469,  # border_plane
-    0.0354,  # border_behind
-    0.7059,  # uniqueness_around
-    0.2683,  # disagreement_around
-    0.4502,  # slant
-    -0.4326,  # misfit
+    -1.4255,  # bias
+    2.1512,  # vote
+    0.1071,  # around
+    1.1017,  # plane_near
+    -0.5906,  # plane_far
+    -0.5152,  # given_far
+    -0.3519,  # smooth_given
+    0.2387,  # smooth_ungiven
+    1.1013,  # fine_near
+    -0.6339,  # coarse_far
+    0.6046,  # uniqueness
+    -0.5958,  # bend
+    -0.4933,  # transparent
+    0.0442,  # unseen
+    -0.0714,  # hole
+    1.0030,  # hole_vote
+    -0.7364,  # hole_plane
+    0.4594,  # hole_behind
+    -0.3183,  # border
+    0.6775,  # border_plane
+    0.0897,  # border_behind
+    0.6761,  # uniqueness_around
+    0.2271,  # disagreement_around
+    0.8048,  # slant
+    -0.4754,  # misfit
 )
 
 ALONE = (
-    -0.7024,  # bias
-    2.5447,  # vote
-    1.4453,  # around
-    2.0041,  # plane_near
-    -0.5016,  # plane_far
-    -0.2721,  # given_far
-    -0.2428,  # smooth_given
-    0.2573,  # smooth_ungiven
-    1.4683,  # fine_near
+    -0.7708,  # bias
+    2.5179,  # vote
+    1.5096,  # around
+    2.0893,  # plane_near
+    -0.4954,  # plane_far
+    -0.2569,  # given_far
+    -0.2334,  # smooth_given
+    0.2738,  # smooth_ungiven
+    1.5630,  # fine_near
     0.0000,  # coarse_far
     0.0000,  # uniqueness
-    -0.7098,  # bend
+    -0.7498,  # bend
     0.0000,  # transparent
-    -0.9359,  # unseen
-    1.2457,  # hole
-    -0.1809,  # hole_vote
-    -1.1032,  # hole_plane
-    0.3857,  # hole_behind
-    0.4742,  # border
-    0.5414,  # border_plane
-    -0.2099,  # border_behind
+    -1.0180,  # unseen
+    1.3616,  # hole
+    -0.0411,  # hole_vote
+    -1.2822,  # hole_plane
+    0.4970,  # hole_behind
+    0.5360,  # border
+    0.6761,  # border_plane
+    -0.2900,  # border_behind
     0.0000,  # uniqueness_around
-    -0.7024,  # disagreement_around
-    0.1926,  # slant
-    -1.1232,  # misfit
+    -0.7708,  # disagreement_around
+    0.3603,  # slant
+    -1.0994,  # misfit
 )
