@@ -86,7 +86,8 @@ VOTE_SIGMA = 0.02
 SETTLE_SIGMA = 0.05
 # Choice, log-odds: how much likelier than a hole filled from the background another candidate must
 # be. 0.4: Rocks1 gets worse by 0.6 instead of 0.4 (live) and by 0.2 (accurate), Bowling1 by 0.25
-# (accurate); 1.4: the lab loses 0.5, Reindeer_half gets worse by 0.2 (benchmarks/field.py, own map).
+# (accurate); 1.4: the lab loses 0.5, Reindeer_half gets worse by 0.2 (benchmarks/field.py, own
+# map).
 MARGIN_HOLE = 0.8
 # Choice, log-odds: the same for a given disparity: MARGIN_GIVEN - MARGIN_SLOPE x roughness, within
 # MARGINS; the roughness of the whole map is about -2 for a network's, 1 for a matcher's.
