@@ -67,8 +67,8 @@ class PairExaminer:
 
     With `temporal.enabled` the offset settles over the pairs that one examiner has seen, and once
     there is one, a pair is measured beside its matching, for the next ones. Pairs may come from
-    several threads. What takes longer than a frame has, a `LongLook` asks bit by
-    bit; it changes no disparity.
+    several threads. What takes longer than a frame has, a `LongLook` asks bit by bit; it changes
+    no disparity.
     """
 
     def __init__(self, params: Params) -> None:
@@ -148,13 +148,13 @@ class PairExaminer:
         pair = prepared.pair
         if pair.right is None:
             return PairHealth()
+        views, offset = prepared.views, prepared.offset
         measured = prepared.seeing.result() if prepared.seeing else None
         if measured is not None:
-            self._learn(*measured)
+            views = self._learn(*measured)[1]
         look, matching = self._long_look.latest, self._params.matching
-        offset = prepared.offset
         return replace(
-            prepared.views, row_offset_px=offset.largest_px if offset.points else math.nan,
+            views, row_offset_px=offset.largest_px if offset.points else math.nan,
             nearer_ratio=look.nearer,
             matched_ratio=look.as_is, upside_down_ratio=look.upside_down,
             swapped_ratio=look.swapped, last_disparity_ratio=_at_the_end(fine, matching),

@@ -193,12 +193,14 @@ def test_a_pair_is_measured_beside_its_matching_for_the_next_ones(pair, low_pair
     first = watching.prepare(low_pair, 2)
     assert first.offset.offset_px == pytest.approx(1.5, abs=0.15)
     watching.examine(first, fine, None)
-    seen = []
+    seen, pair = [], StereoPair(pair.left, cv2.convertScaleAbs(pair.right, alpha=0.9))
+    own = measure_views(pair.left_grey, pair.right_grey)
     for _ in range(4):  # as many as make a knock, and one more that it is undone in
         prepared = watching.prepare(pair, 2)
         seen.append(prepared.offset.offset_px)
         health = watching.examine(prepared, fine, None)
         assert health.row_offset_px == prepared.offset.largest_px
+        assert health.gain_ratio == own.gain_ratio  # what the views show is this pair's
     assert seen[0] == first.offset.offset_px and abs(seen[3]) < 0.1
 
 
