@@ -56,8 +56,11 @@ help:
 demo: $(RUN_STAMP)
 	$(BIN)/python -m demo
 
+# The kernels are compiled once, beside the tests that need none, and not by either process.
 test: $(TEST_STAMP)
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -m 'not compiled' $(SIDE_BY_SIDE) $(KERNEL_TESTS)
+	$(BIN)/python -m stereo_refine_ros.warm_up --preset live > $(VENV)/warm_up.log 2>&1 & \
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -m 'not compiled' $(SIDE_BY_SIDE) $(KERNEL_TESTS); \
+	status=$$?; wait; exit $$status
 	$(BIN)/python -m pytest $(SIDE_BY_SIDE)
 
 test-oldest: $(OLDEST_VENV)/.installed
