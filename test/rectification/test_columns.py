@@ -71,7 +71,7 @@ def test_confidence_knows_of_a_bent_view(preset):
     hold = columns_hold(result.disparity.values, offset, scene.pair.left.shape[1])
     is_bent, known = hold < 0.8, np.isfinite(scene.truth)
     wrong = np.abs(result.disparity.values - scene.truth) > 1
-    # A third of what is bent by more than 0.8 px is wrong here, a fifteenth of the rest.
+    # 36 % of what is bent by more than 0.8 px is wrong here, 7 % of the rest.
     assert wrong[known & is_bent].mean() > 4 * wrong[known & ~is_bent].mean()
     assert result.confidence[known & is_bent].mean() == pytest.approx(
         1 - wrong[known & is_bent].mean(), abs=0.1)
