@@ -98,7 +98,8 @@ class StereoRefiner:
             projected = self._project(PlaneStage(
                 given, data, segments, evidence, lowest,
                 lowest + params.matching.num_disparities - 1), params.planes, threads)
-            beside = start(threads, _enlarged, projected, prepared.offset, pair.shape, scale)
+            beside = start(threads, _enlarged, projected, prepared.offset, pair.shape, scale,
+                           threads)
             values = at_full_size(projected.choice, match.disparity.values, pair.left,
                                   evidence.image, scale, threads)
         with clock.timing('filter'):
@@ -138,9 +139,9 @@ class StereoRefiner:
 
 
 def _enlarged(projected: Projected, offset: RowOffset, shape: tuple[int, int],
-              scale: int) -> tuple[FloatMap, PlaneSegmentation]:
+              scale: int, threads: int) -> tuple[FloatMap, PlaneSegmentation]:
     """Bring the confidence and the segments of a projection from the grid to full size."""
-    hold = columns_hold(projected.choice.values, offset, shape[1], scale)
+    hold = columns_hold(projected.choice.values, offset, shape[1], scale, threads)
     confidence = repeated(probability(projected.odds) * hold, shape, scale)
     return (np.ascontiguousarray(confidence),
             segments_at_full_size(projected.segments, shape, scale))

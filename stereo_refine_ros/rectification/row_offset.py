@@ -79,10 +79,13 @@ class RowOffset:
         """Whether there is nothing to undo."""
         return not any(self.terms)
 
+    def turn(self, width: int) -> float:
+        """Return the turn of the camera that the tilt in `width` columns stands for, radian."""
+        return _turn(self.tilt_px / max(width - 1, 1))
+
     def bend_px(self, width: int) -> float:
-        """Return what is left of the tilt in `width` columns once a turn is undone, pixels."""
-        columns = max(width - 1, 1)
-        return self.tilt_px - columns * _turn(self.tilt_px / columns)
+        """Return what is left of the tilt in `width` columns once the turn is undone, pixels."""
+        return self.tilt_px - max(width - 1, 1) * self.turn(width)
 
     def at(self, shape: tuple[int, int]) -> FloatMap:
         """Return the offset of every pixel of the right view, float32 (H, W), pixels."""
@@ -174,8 +177,7 @@ def undo_row_offset(right: Image, offset: RowOffset, threads: int = 1) -> Image:
     height, width = right.shape[:2]
     image = np.ascontiguousarray(right).reshape(height, width, -1)
     out = np.empty_like(image)
-    angle = _turn(offset.tilt_px / max(width - 1, 1))
-    run_bands(warp_rows, height, threads, image, np.array(offset.terms), angle, out)
+    run_bands(warp_rows, height, threads, image, np.array(offset.terms), offset.turn(width), out)
     return out.reshape(right.shape)
 
 
