@@ -21,7 +21,7 @@ import threading
 import time
 
 from stereo_refine_ros.health.external import fits_right_better
-from stereo_refine_ros.health.suspicion import CoarseLook, look_at, VIEWS
+from stereo_refine_ros.health.suspicion import CoarseLook, look_at, LOOKS
 from stereo_refine_ros.health.tuning import LOOK_EVERY_S
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.types import FloatMap, StereoPair
@@ -51,7 +51,7 @@ class LongLook:
                              matching.num_disparities)
             with self._lock:
                 self._answers[view] = answer
-                if not self._open and len(self._answers) == len(VIEWS):
+                if not self._open and len(self._answers) == len(LOOKS):
                     self.latest = CoarseLook(**self._answers)
 
     def _due(self) -> list[str]:
@@ -59,7 +59,7 @@ class LongLook:
             is_first = math.isinf(self._begun_at)
             now = time.monotonic()
             if not self._open and now - self._begun_at >= LOOK_EVERY_S:
-                self._begun_at, self._open = now, list(VIEWS)
+                self._begun_at, self._open = now, list(LOOKS)
             number = len(self._open) if is_first else 1
             due, self._open = self._open[:number], self._open[number:]
             return due

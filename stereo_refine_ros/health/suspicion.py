@@ -53,7 +53,7 @@ class CoarseLook:
 
 
 # How a pair may be looked at: the fields of CoarseLook.
-VIEWS = tuple(field.name for field in fields(CoarseLook))
+LOOKS = tuple(field.name for field in fields(CoarseLook))
 
 
 def suspect(left: Image, right: Image, min_disparity: int, num_disparities: int) -> CoarseLook:
@@ -69,7 +69,7 @@ def suspect(left: Image, right: Image, min_disparity: int, num_disparities: int)
 
     """
     return CoarseLook(*(
-        look_at(view, left, right, min_disparity, num_disparities) for view in VIEWS))
+        look_at(view, left, right, min_disparity, num_disparities) for view in LOOKS))
 
 
 def look_at(view: str, left: Image, right: Image, min_disparity: int, num_disparities: int,

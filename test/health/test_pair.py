@@ -27,7 +27,7 @@ from real_pairs import lowered
 from stereo_refine_ros.health import long_look
 from stereo_refine_ros.health.long_look import LongLook
 from stereo_refine_ros.health.pair import PairExaminer
-from stereo_refine_ros.health.suspicion import CoarseLook, VIEWS
+from stereo_refine_ros.health.suspicion import CoarseLook, LOOKS
 from stereo_refine_ros.health.tuning import LOOK_EVERY_S
 from stereo_refine_ros.health.views import measure_views
 from stereo_refine_ros.params import load_preset
@@ -228,13 +228,13 @@ def test_a_long_look_is_taken_bit_by_bit_once_in_a_while(pair, asked):
         watching.ask(pair, PARAMS.matching)
         return watching.latest, asked.questions
     first = CoarseLook(1, 2, 3, 4)
-    assert ask() == (first, list(VIEWS))
+    assert ask() == (first, list(LOOKS))
     asked.now += 0.9 * LOOK_EVERY_S
     assert ask() == (first, [])
     asked.now += 0.2 * LOOK_EVERY_S
-    for question in VIEWS[:-1]:
+    for question in LOOKS[:-1]:
         assert ask() == (first, [question])
-    assert ask() == (CoarseLook(1, 1, 1, 1), [VIEWS[-1]])
+    assert ask() == (CoarseLook(1, 1, 1, 1), [LOOKS[-1]])
     assert ask() == (CoarseLook(1, 1, 1, 1), [])
 
 
@@ -282,7 +282,7 @@ def test_other_parameters_keep_what_is_known_of_the_cameras(low_pair, asked):
     same_bits(again.offset, prepared.offset)
     assert again.offset.largest_px == pytest.approx(1.5, abs=0.15)
     assert after.examine(again, fine, None).matched_ratio == known.matched_ratio
-    assert asked.questions == list(VIEWS)  # the second examiner had no need of its own
+    assert asked.questions == list(LOOKS)  # the second examiner had no need of its own
 
 
 def test_another_range_asks_for_the_rows_again(pair, low_pair):
