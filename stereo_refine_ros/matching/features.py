@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_refine_ros.images import pad
-from stereo_refine_ros.matching.tuning import CENSUS_BLUR, CENSUS_STRIDES
+from stereo_refine_ros.matching.tuning import CENSUS_STRIDES
 from stereo_refine_ros.matching.vector_twins import PLANES
 from stereo_refine_ros.types import Image
 
@@ -37,8 +37,8 @@ def feature_planes(grey: Image, is_mirrored: bool, margin: int, out: Bytes) -> N
     """
     Lay out the features of a view for the vector steps.
 
-    Gradient along x and y (128 is none), three bytes of the 5x5 census, three bytes of the 5x5
-    census of the blurred view that looks CENSUS_STRIDES[1] pixels a step.
+    Gradient along x and y (128 is none), three bytes of a 5x5 census for each of
+    CENSUS_STRIDES, the pixels from one to the next that it looks at.
 
     Parameters
     ----------
@@ -60,9 +60,8 @@ def feature_planes(grey: Image, is_mirrored: bool, margin: int, out: Bytes) -> N
     sign = -1 if is_mirrored else 1
     _gradient_kernel(pad(grey, (1, 1), (1, 1)), sign, maps[:2])
     for i, stride in enumerate(CENSUS_STRIDES):
-        source = grey if i == 0 else cv2.blur(grey, CENSUS_BLUR).reshape(grey.shape)
         reach = (2 * stride, 2 * stride)
-        _census_kernel(pad(source, reach, reach), stride, sign * stride, maps[2 + 3 * i:5 + 3 * i])
+        _census_kernel(pad(grey, reach, reach), stride, sign * stride, maps[2 + 3 * i:5 + 3 * i])
 
 
 def flat_steps(image: Image, edge_step: float) -> tuple[Bytes, Bytes]:

@@ -64,7 +64,7 @@ def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1) -
     """
     Match by scanline optimisation.
 
-    `disparity` is sub-pixel and NaN where left and right winners differ by more than a step,
+    `disparity` is sub-pixel and NaN where a pixel of the right view has a cheaper partner,
     where another fits as well, and in small islands.
     """
     found = scan(pair, params.min_disparity, params.num_disparities, threads)

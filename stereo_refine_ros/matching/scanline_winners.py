@@ -60,7 +60,7 @@ def finish_row(y, lanes, base, min_disparity, last, found, total, begin, scratch
         partner = x - winner[x]
         inside = 0 <= partner < width
         there = seen[partner if inside else 0]
-        if not inside or abs(there - winner[x]) > 1 or not uniqueness[y, x] > 0:
+        if not inside or there != winner[x] or not uniqueness[y, x] > 0:
             values[x] = np.float32(np.nan)
     there = right[y]
     for x in range(width):

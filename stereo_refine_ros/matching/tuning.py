@@ -58,12 +58,11 @@ GRADIENT_CAP = 14
 # Scanline cost, bits: the differing bits of both censuses together count as this at most.
 # Larger: noise and repetition outvote the rest (28: ETH3D 8.7).
 CENSUS_CAP = 20
-# Scanline cost, pixels: the steps that the two censuses look at. One at stride 1 alone makes
-# 5.8 / 12.9 / 18.4 / 9.0; a second at stride 2 4.7 / 9.0 / 18.3 / 9.3, at 3 4.5 / 8.7 / 18.3 /
-# 9.4.
+# Scanline cost, pixels: the steps that the two censuses look at. What becomes of the own map in
+# `accurate` (KITTI / ETH3D / Middlebury / lab): (1, 2) 3.6 / 4.8 / 14.8 / 6.3, (1, 3) 3.5 / 4.8 /
+# 14.4 / 6.6, (1, 4) 3.7 / 5.0 / 13.3 / 6.6, (1, 1) 3.7 / 5.4 / 15.7 / 6.1; (1, 3) with a blur of
+# 3x3 before the second 3.4 / 4.5 / 15.9 / 6.8: a blur makes the near surface wider.
 CENSUS_STRIDES = (1, 3)
-# Scanline cost, pixels: the blur before the second census. 5x5: lab and Middlebury lose 0.5.
-CENSUS_BLUR = (3, 3)
 # Scanline cost: of a partner outside the right view: worse than a fair match, better than a bad
 # one. Two thirds of the caps' sum.
 OUT_OF_VIEW = 22
@@ -72,8 +71,9 @@ OUT_OF_VIEW = 22
 # 7.1, the rest 0.3 worse.
 PENALTIES = ((55, 147), (33, 114))
 # Scanline penalties, ratio: what is left of them across an edge of the left view, and grey levels
-# that make a step an edge.
-EDGE_FACTOR, EDGE_STEP = 0.25, 20
+# that make a step an edge. What becomes of the own map in `accurate`, with 0.25: 3.5 / 4.8 / 14.4
+# / 6.6, with 0.1: 3.6 / 4.7 / 12.9 / 6.2.
+EDGE_FACTOR, EDGE_STEP = 0.1, 20
 # Scanline, pixels: with more disparities than FULL_RANGE, half size comes first, and full size in
 # windows of WINDOW around it that hold the pixel's own value at least WINDOW_MARGIN inside.
 # FULL_RANGE 64 instead, filled map: bad-1 % of Pipes 24.9 for 22.3, of Reindeer_half 13.0 for

@@ -15,57 +15,57 @@
 """Coefficients of the likelihood: made by scripts/fit_likelihood.py."""
 
 PAIR = (
-    -1.4255,  # bias
-    2.1512,  # vote
-    0.1071,  # around
-    1.1017,  # plane_near
-    -0.5906,  # plane_far
-    -0.5152,  # given_far
-    -0.3519,  # smooth_given
-    0.2387,  # smooth_ungiven
-    1.1013,  # fine_near
-    -0.6339,  # coarse_far
-    0.6046,  # uniqueness
-    -0.5958,  # bend
-    -0.4933,  # transparent
-    0.0442,  # unseen
-    -0.0714,  # hole
-    1.0030,  # hole_vote
-    -0.7364,  # hole_plane
-    0.4594,  # hole_behind
-    -0.3183,  # border
-    0.6775,  # border_plane
-    0.0897,  # border_behind
-    0.6761,  # uniqueness_around
-    0.2271,  # disagreement_around
-    0.8048,  # slant
-    -0.4754,  # misfit
+    -0.2550,  # bias
+    2.5153,  # vote
+    0.3938,  # around
+    1.0047,  # plane_near
+    -0.5886,  # plane_far
+    -0.5884,  # given_far
+    -0.3524,  # smooth_given
+    0.2654,  # smooth_ungiven
+    1.2210,  # fine_near
+    -0.8767,  # coarse_far
+    0.4144,  # uniqueness
+    -0.5652,  # bend
+    -0.5329,  # transparent
+    -0.1788,  # unseen
+    -0.1531,  # hole
+    0.9302,  # hole_vote
+    -0.5664,  # hole_plane
+    0.5451,  # hole_behind
+    -0.2385,  # border
+    0.7341,  # border_plane
+    -0.0203,  # border_behind
+    0.3490,  # uniqueness_around
+    -0.3694,  # disagreement_around
+    0.8672,  # slant
+    -0.5428,  # misfit
 )
 
 ALONE = (
-    -0.7708,  # bias
-    2.5179,  # vote
-    1.5096,  # around
-    2.0893,  # plane_near
-    -0.4954,  # plane_far
-    -0.2569,  # given_far
-    -0.2334,  # smooth_given
-    0.2738,  # smooth_ungiven
-    1.5630,  # fine_near
+    -0.7633,  # bias
+    2.5324,  # vote
+    1.3420,  # around
+    2.1326,  # plane_near
+    -0.5751,  # plane_far
+    -0.2423,  # given_far
+    -0.1864,  # smooth_given
+    0.2944,  # smooth_ungiven
+    1.6072,  # fine_near
     0.0000,  # coarse_far
     0.0000,  # uniqueness
-    -0.7498,  # bend
+    -0.7200,  # bend
     0.0000,  # transparent
-    -1.0180,  # unseen
-    1.3616,  # hole
-    -0.0411,  # hole_vote
-    -1.2822,  # hole_plane
-    0.4970,  # hole_behind
-    0.5360,  # border
-    0.6761,  # border_plane
-    -0.2900,  # border_behind
+    -1.0267,  # unseen
+    1.3303,  # hole
+    -0.2175,  # hole_vote
+    -1.3028,  # hole_plane
+    0.6116,  # hole_behind
+    0.4835,  # border
+    0.6425,  # border_plane
+    -0.3520,  # border_behind
     0.0000,  # uniqueness_around
-    -0.7708,  # disagreement_around
-    0.3603,  # slant
-    -1.0994,  # misfit
+    -0.7633,  # disagreement_around
+    0.2257,  # slant
+    -1.0265,  # misfit
 )

@@ -21,12 +21,12 @@ import numpy as np
 BAND_ROWS, STRIP, RUN_UP = 144, 48, 12
 GRADIENT_CAP, CENSUS_CAP, OUT_OF_VIEW = 14, 20, 22
 # By axis, then by whether the step is flat.
-PENALTIES = {'row': {True: (55, 147), False: (14, 37)},
-             'column': {True: (33, 114), False: (8, 28)}}
+PENALTIES = {'row': {True: (55, 147), False: (6, 15)},
+             'column': {True: (33, 114), False: (3, 11)}}
 WALL = 255
 
 
-def features(grey, blurred):
+def features(grey):
     """Return (gradients, census bits) of every pixel; the view goes on as it ends."""
     height, width = grey.shape
 
@@ -35,8 +35,8 @@ def features(grey, blurred):
 
     def of(y, x):
         slopes = [at(grey, y, x + 1) - at(grey, y, x - 1), at(grey, y + 1, x) - at(grey, y - 1, x)]
-        bits = [at(image, y + i * step, x + j * step) < at(image, y, x)
-                for image, step in ((grey, 1), (blurred, 3))
+        bits = [at(grey, y + i * step, x + j * step) < at(grey, y, x)
+                for step in (1, 3)
                 for i in range(-2, 3) for j in range(-2, 3) if i or j]
         return [min(max(slope, -127), 127) for slope in slopes], np.array(bits)
     return [[of(y, x) for x in range(width)] for y in range(height)]
@@ -133,7 +133,7 @@ def finish(sums, shape):
             d, values = winners[y, x], sums[y, x]
             far = [values[n] for n in values if abs(n - d) > 2]
             uniqueness[y, x] = min((min(far) - values[d]) / 100, 2) if far else 2
-            is_agreed = x - d in claims and abs(claims[x - d][2] - d) <= 1
+            is_agreed = x - d in claims and claims[x - d][2] == d
             if is_agreed and uniqueness[y, x] > 0:
                 disparity[y, x] = subpixel(values, d)
     return disparity, uniqueness, right

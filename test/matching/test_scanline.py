@@ -40,7 +40,7 @@ def patchy_pair(shape, shift=3, seed=0):
 
 
 def slow_scan(pair, min_disparity, num_disparities, edge_step=20):
-    views = [slow.features(grey, cv2.blur(grey, (3, 3)).reshape(grey.shape))
+    views = [slow.features(grey)
              for grey in (to_grey(pair.left), to_grey(pair.right))]
     everywhere = range(min_disparity, min_disparity + num_disparities)
     costs = slow.cost_volume(*views, lambda y, x: everywhere)
