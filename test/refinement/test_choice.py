@@ -99,7 +99,7 @@ def test_neighbours_count_only_where_they_have_something_to_choose():
 
 
 @pytest.mark.parametrize('step, gain, moves', [
-    (0.1, 1.95, False), (0.1, 2.05, True), (0.15, 1.15, False), (0.15, 1.3, True)])
+    (0.1, 2.45, False), (0.1, 2.55, True), (0.15, 1.65, False), (0.15, 1.8, True)])
 def test_the_margin_of_a_given_map_follows_its_mean_bend(step, gain, moves):
     given = GIVEN + step * np.float32(np.arange(SHAPE[1]) % 2)  # bends by 2 x step along rows
     bend = step  # the mean of that and of 0 along columns
