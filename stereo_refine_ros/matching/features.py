@@ -58,10 +58,11 @@ def feature_planes(grey: Image, is_mirrored: bool, margin: int, out: Bytes) -> N
     maps = out.reshape(PLANES, -1)[:, margin:margin + height * width].reshape(
         PLANES, height, width)
     sign = -1 if is_mirrored else 1
-    _gradient_kernel(pad(grey, (1, 1), (1, 1)), sign, maps[:2])
+    reach = 2 * max(CENSUS_STRIDES)
+    padded = pad(grey, (reach, reach), (reach, reach))
+    _gradient_kernel(padded, reach, sign, maps[:2])
     for i, stride in enumerate(CENSUS_STRIDES):
-        reach = (2 * stride, 2 * stride)
-        _census_kernel(pad(grey, reach, reach), stride, sign * stride, maps[2 + 3 * i:5 + 3 * i])
+        _census_kernel(padded, reach, stride, sign * stride, maps[2 + 3 * i:5 + 3 * i])
 
 
 def flat_steps(image: Image, edge_step: float) -> tuple[Bytes, Bytes]:
@@ -107,23 +108,22 @@ def _flat_kernel(channel, limit, flat):
 
 
 @njit(cache=True, nogil=True)
-def _gradient_kernel(padded, sign, out):
+def _gradient_kernel(padded, reach, sign, out):
     height, width = out.shape[1:]
-    for y in range(height):
-        here, above, below = padded[y + 1], padded[y], padded[y + 2]
-        after, before = here[1 + sign:], here[1 - sign:]
-        across_row, down_row = out[0, y], out[1, y]
+    for y in range(reach, reach + height):
+        here, above, below = padded[y], padded[y - 1, reach:], padded[y + 1, reach:]
+        after, before = here[reach + sign:], here[reach - sign:]
+        across_row, down_row = out[0, y - reach], out[1, y - reach]
         for x in range(width):
             across = np.int16(after[x]) - np.int16(before[x])
-            down = np.int16(below[x + 1]) - np.int16(above[x + 1])
+            down = np.int16(below[x]) - np.int16(above[x])
             across_row[x] = np.uint8(min(max(across, -127), 127) + _FLAT)
             down_row[x] = np.uint8(min(max(down, -127), 127) + _FLAT)
 
 
 @njit(cache=True, nogil=True)
-def _census_kernel(padded, down, right, out):
+def _census_kernel(padded, reach, down, right, out):
     height, width = out.shape[1:]
-    reach = 2 * down
     for y in range(height):
         centre = padded[y + reach, reach:reach + width]
         for bit in range(24):

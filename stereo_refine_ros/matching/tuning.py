@@ -59,9 +59,10 @@ GRADIENT_CAP = 14
 # Larger: noise and repetition outvote the rest (28: ETH3D 8.7).
 CENSUS_CAP = 20
 # Scanline cost, pixels: the steps that the two censuses look at. What becomes of the own map in
-# `accurate` (KITTI / ETH3D / Middlebury / lab): (1, 2) 3.6 / 4.8 / 14.8 / 6.3, (1, 3) 3.5 / 4.8 /
-# 14.4 / 6.6, (1, 4) 3.7 / 5.0 / 13.3 / 6.6, (1, 1) 3.7 / 5.4 / 15.7 / 6.1; (1, 3) with a blur of
-# 3x3 before the second 3.4 / 4.5 / 15.9 / 6.8: a blur makes the near surface wider.
+# `accurate` (benchmarks/field.py before the likelihood was fitted to it; KITTI / ETH3D /
+# Middlebury / lab): (1, 2) 3.6 / 4.8 / 14.8 / 6.3, (1, 3) 3.5 / 4.8 / 14.4 / 6.6, (1, 4) 3.7 / 5.0
+# / 13.3 / 6.6, (1, 1) 3.7 / 5.4 / 15.7 / 6.1; (1, 3) with a blur of 3x3 before the second 3.4 /
+# 4.5 / 15.9 / 6.8: a blur makes the near surface wider.
 CENSUS_STRIDES = (1, 3)
 # Scanline cost: of a partner outside the right view: worse than a fair match, better than a bad
 # one. Two thirds of the caps' sum.

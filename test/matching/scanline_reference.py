@@ -36,8 +36,7 @@ def features(grey):
     def of(y, x):
         slopes = [at(grey, y, x + 1) - at(grey, y, x - 1), at(grey, y + 1, x) - at(grey, y - 1, x)]
         bits = [at(grey, y + i * step, x + j * step) < at(grey, y, x)
-                for step in (1, 3)
-                for i in range(-2, 3) for j in range(-2, 3) if i or j]
+                for step in (1, 3) for i in range(-2, 3) for j in range(-2, 3) if i or j]
         return [min(max(slope, -127), 127) for slope in slopes], np.array(bits)
     return [[of(y, x) for x in range(width)] for y in range(height)]
 
