@@ -25,6 +25,7 @@ from stereo_refine_ros.matching.islands import without_islands
 from stereo_refine_ros.matching.match import Match, Scan
 from stereo_refine_ros.matching.scanline_paths import (
     band_kernel, STRIP, totals_size, work_size)
+from stereo_refine_ros.matching.scanline_winners import WIDEST
 from stereo_refine_ros.matching.scratch import scratch
 from stereo_refine_ros.matching.tuning import (
     CENSUS_CAP, EDGE_FACTOR, EDGE_STEP, FULL_RANGE, GRADIENT_CAP, OUT_OF_VIEW, PENALTIES, WINDOW)
@@ -91,11 +92,13 @@ def scan(pair: StereoPair, min_disparity: int, num_disparities: int, threads: in
     Raises
     ------
     ValueError
-        Without a right image.
+        Without a right image, and for views wider than WIDEST.
 
     """
     if pair.right is None:
         raise ValueError('scanline: needs the right image')
+    if pair.shape[1] > WIDEST:
+        raise ValueError(f'scanline: views are at most {WIDEST} pixels wide, not {pair.shape[1]}')
     base, count = _ONE_WINDOW, num_disparities
     if num_disparities > FULL_RANGE:
         half = scan(StereoPair(halve(pair.left), halve(pair.right)),
@@ -124,22 +127,23 @@ def scan_windows(pair: StereoPair, min_disparity: int, num_disparities: int,
     with scratch(PLANES * size) as left, scratch(PLANES * size) as right:
         right_task = start(threads, feature_planes, pair.right_grey, True, margin, right)
         feature_planes(pair.left_grey, False, margin, left)
-        flat = flat_steps(pair.left, edge_step)
+        flat = tuple(flags.reshape(-1) for flags in flat_steps(pair.left, edge_step))
         right_task.result()
         args = ((0,) * (lanes // LANES_PER_ITEM), (left, right, mask, outside, size), base, flat,
-                ((GRADIENT_CAP, CENSUS_CAP), _penalties(), min_disparity, margin,
+                ((GRADIENT_CAP, CENSUS_CAP), _penalties(lanes), min_disparity, margin,
                  num_disparities - 1))
 
         def match_band(band: int, _: int) -> None:
-            with scratch(totals + working) as work:
+            with scratch(working) as work, scratch(totals) as sums:
                 band_kernel(band * _BAND_ROWS, min((band + 1) * _BAND_ROWS, height), *args,
-                            (work[totals:], work[:totals].view(np.uint16)), out)
+                            (work, sums), out)
         count = -(-height // _BAND_ROWS)
         run_parts(match_band, count, count, threads)
     return Scan(*out)
 
 
-def _penalties() -> NDArray[np.int32]:
-    """P1 and P2, int32 (2, 2, 2): by axis (rows first), then across an edge or not."""
+def _penalties(lanes: int) -> NDArray[np.uint8]:
+    """Lay out P1 and P2 as the vector steps take them."""
     even = np.array(PENALTIES)
-    return np.rint(np.stack([even * EDGE_FACTOR, even], axis=1)).astype(np.int32)
+    by_flag = np.rint(np.stack([even * EDGE_FACTOR, even], axis=1)).astype(np.uint8)
+    return np.repeat(by_flag.reshape(-1), lanes)

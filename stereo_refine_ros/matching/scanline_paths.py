@@ -15,7 +15,7 @@
 """
 Four-path scanline optimisation in one pass over the image (Hirschmueller 2008).
 
-Every path carries L(p, d) = C(p, d) + min(L(q, d), L(q, d +- 1) + P1, min L(q) + P2) - min L(q)
+Every path carries L(p, d) = C(p, d) + min(L(q, d), L(q, d +- 1) + P1, P2), less its least over d,
 with q the pixel before p. Rows are taken in strips: first the upward path of a strip, which
 starts RUN_UP rows below it, then downward, rightward and leftward, ABREAST rows side by side,
 each LAG pixels behind the one above it, which hides the latency of the steps. So no volume leaves
@@ -46,31 +46,38 @@ else:
         LANES_PER_ITEM, step_both, step_column, step_last)
 
 LAG = 8
-# Rows side by side: as many as hide the latency of the steps.
 ABREAST = 4
 STRIP = 48
 RUN_UP = 12
-# Rows whose costs are at hand: those of a strip, and of the run-up below it.
 _RING = STRIP + RUN_UP
+_LINE = 64  # bytes of a cache line: a vector that lies across two costs twice
 
 
 def work_size(width: int, lane_count: int, has_windows: bool) -> int:
     """Return how many bytes `band_kernel` works in, its totals aside."""
-    return (2 * width * _layout(lane_count, has_windows)[2]
+    return (2 * width * _column_layout(lane_count, has_windows)[2] + _LINE
             + (1 + STRIP + _RING) * width * lane_count)
 
 
 def totals_size(width: int, lane_count: int) -> int:
-    """Return how many bytes the totals of `band_kernel` take."""
-    return 2 * ABREAST * width * lane_count
+    """Return how many bytes the totals of `band_kernel` take, with a line before and behind."""
+    return ABREAST * width * lane_count + 2 * _LINE
 
 
 @njit(cache=True, nogil=True)
-def _layout(lane_count, has_windows):
+def _column_layout(lane_count, has_windows):
     """Return the farthest shift of a window, where a column's state begins, and its stride."""
     shift_limit = lane_count + 1 if has_windows else 0
     before = shift_limit + 1
     return shift_limit, before, (2 * before + lane_count + 15) // 16 * 16
+
+
+@njit(cache=True, nogil=True)
+def _row_layout(lane_count):
+    """Return where a row's state begins, how far behind its neighbours lie, and its size."""
+    begin = (lane_count + 2 + _LINE - 1) // _LINE * _LINE
+    offset = (begin + 2 * lane_count + 2 + _LINE - 1) // _LINE * _LINE
+    return begin, offset, 2 * offset
 
 
 @njit(cache=True, nogil=True)
@@ -83,124 +90,111 @@ def band_kernel(start, stop, lanes, views, base, flat, settings, work, out):
         and behind the last of each plane); mask uint8 (W,), 255 for lanes outside the range;
         uint8 (width + 2 * margin), cost of a partner outside the view, 0 inside; size of a plane
     base : int32 (H, width) or (1, 1): first disparity of every pixel's window
-    flat : two uint8 (H, width): 1 where the step from the left, from above crosses no edge
-    settings : (limits, penalties, min_disparity, margin, last lane of the range)
-    work : uint8 (work_size,) and uint16 (totals_size / 2,), overwritten
+    flat : two uint8 (H * width,): 1 where the step from the left, from above crosses no edge
+    settings : (limits, table of penalties, min_disparity, margin, last lane of the range)
+    work : uint8 (work_size,) and (totals_size,), overwritten, each on a multiple of 64 bytes
     out : disparity, uniqueness, right view's disparity, float32 (H, width), NaN where there is
         none
     """
-    height, width = flat[0].shape
+    height, width = out[0].shape
     lane_count = len(lanes) * LANES_PER_ITEM
-    layout = _layout(lane_count, base.shape[0] > 1)
+    layout = _column_layout(lane_count, base.shape[0] > 1)
     shift_limit, before, stride = layout
+    row_layout = _row_layout(lane_count)
     states = width * stride
     row = width * lane_count
     arena, total = work
     arena[:2 * states] = 255
     column, up = arena[:states], arena[states:2 * states]
-    spare = arena[2 * states:2 * states + row]
-    kept = arena[2 * states + row:2 * states + (1 + STRIP) * row]
-    cost = arena[2 * states + (1 + STRIP) * row:2 * states + (1 + STRIP + _RING) * row]
-    column_least, up_least = np.zeros(width, np.uint8), np.zeros(width, np.uint8)
-    offset = 3 * lane_count + 32
-    size = 2 * offset
-    rows = np.full(2 * ABREAST * size, 255, np.uint8)
-    plan = np.empty((ABREAST, 6, width), np.int32)
+    arena = arena[(2 * states + _LINE - 1) // _LINE * _LINE:]
+    spare, kept = arena[:row], arena[row:(1 + STRIP) * row]
+    cost = arena[(1 + STRIP) * row:(1 + STRIP + _RING) * row]
+    rows = np.full(2 * ABREAST * row_layout[2] + _LINE, 255, np.uint8)
+    rows = rows[-rows.ctypes.data % _LINE:]
+    plan = np.empty((ABREAST, 3, width), np.int32)
     found = np.empty((ABREAST, width), np.int64)
-    scratch = np.empty((6, width), np.int32)
+    scratch = np.empty((4, width + 1), np.int32)
     first = max(0, start - RUN_UP)
-    _reset_column(column, column_least, before, stride, lane_count)
+    _reset_column(column, width, before, stride, lane_count)
     for y in range(first, start):
-        plan_column(y, max(y - 1, first), y, base, flat, settings, before, stride, shift_limit,
-                    plan[0])
-        match_row(y, lanes, views, base, settings, spare, 0, column, before, stride, column_least,
+        plan_column(y, max(y - 1, first), base, before, stride, shift_limit, plan[0])
+        match_row(y, y, lanes, views, base, flat, settings, spare, 0, column, before, stride,
                   plan[0], spare, 0)
     known = start
     for top in range(start, stop, STRIP):
         end = min(top + STRIP, stop)
-        known = _upward(top, end, known, lanes, views, base, flat, settings, layout, up, up_least,
-                        cost, spare, kept, plan)
+        known = _upward(top, end, known, height, lanes, views, base, flat, settings, layout, up,
+                        cost, spare, kept, plan[0])
         for y in range(top, end, ABREAST):
             count = min(ABREAST, end - y)
             for k in range(count):
-                plan_rows(y + k, base, flat, settings, shift_limit, lane_count, plan[k])
-                plan_column(y + k, max(y + k - 1, first), y + k, base, flat, settings, before,
-                             stride, shift_limit, plan[k])  # noqa: E127
-            _reset_rows(rows, size, offset, lane_count)
-            _ahead(lanes, y, count, rows, size, offset, column, before, stride, column_least,
+                plan_rows(y + k, base, shift_limit, row_layout[0], plan[k])
+                plan_column(y + k, max(y + k - 1, first), base, before, stride, shift_limit,
+                            plan[k])
+            _reset_rows(rows, row_layout, lane_count)
+            _ahead(lanes, y, count, rows, row_layout, column, before, stride, settings[1], flat,
                    cost, total, row, plan)
-            _reset_rows(rows, size, offset, lane_count)
-            _back(lanes, y, count, rows, size, offset, cost, total, kept, (y - top) * row, row,
-                  plan, found)
+            _reset_rows(rows, row_layout, lane_count)
+            _back(lanes, y, count, rows, row_layout, settings[1], flat, cost, total, kept,
+                  (y - top) * row, row, plan, found)
             for k in range(count):
-                finish_row(y + k, lanes, base, settings[2], settings[4], found[k], total, k * row,
-                           scratch, out)
+                finish_row(y + k, base, settings[2], settings[4], found[k], scratch, out)
 
 
 @njit(cache=True, nogil=True)
-def _reset_column(state, least, before, stride, lane_count):
-    for x in range(least.shape[0]):
+def _reset_column(state, width, before, stride, lane_count):
+    for x in range(width):
         state[x * stride + before:x * stride + before + lane_count] = 0
-    least[:] = 0
 
 
 @njit(cache=True, nogil=True)
-def _reset_rows(states, size, offset, lane_count):
+def _reset_rows(states, row_layout, lane_count):
+    begin, offset, size = row_layout
     for k in range(0, 2 * ABREAST, 2):
-        begin = k * size + lane_count + 16
-        states[begin:begin + lane_count] = 0
-        states[begin + offset:begin + offset + lane_count] = 0
+        first = k * size + begin
+        states[first:first + lane_count] = 0
+        states[first + offset:first + offset + lane_count] = 0
 
 
 @njit(cache=True, nogil=True)
-def _upward(top, end, known, lanes, views, base, flat, settings, layout, state, least, cost, spare,
-            kept, plan):
+def _upward(top, end, known, height, lanes, views, base, flat, settings, layout, state, cost,
+            spare, kept, plan):
     """
     Keep the values of the path that comes up from below a strip, for every row of the strip.
 
     The costs of rows from `known` on are found on the way; returns the first row without.
     """
     shift_limit, before, stride = layout
-    width = least.shape[0]
+    width = plan.shape[1]
     lane_count = len(lanes) * LANES_PER_ITEM
     row = width * lane_count
-    last = min(end + RUN_UP, flat[0].shape[0]) - 1
-    _reset_column(state, least, before, stride, lane_count)
+    table, downs = settings[1], flat[1]
+    last = min(end + RUN_UP, height) - 1
+    _reset_column(state, width, before, stride, lane_count)
     for y in range(last, top - 1, -1):
         below = min(y + 1, last)
-        plan_column(y, below, below, base, flat, settings, before, stride, shift_limit, plan[0])
+        plan_column(y, below, base, before, stride, shift_limit, plan)
         at = y % _RING * row
         to, keep_at = (kept, (y - top) * row) if y < end else (spare, 0)
         if y >= known:
-            match_row(y, lanes, views, base, settings, cost, at, state, before, stride, least,
-                      plan[0], to, keep_at)
+            match_row(y, below, lanes, views, base, flat, settings, cost, at, state, before,
+                      stride, plan, to, keep_at)
         else:
             for x in range(width):
-                large = np.int64(plan[0, 5, x])
-                least[x] = step_column(
-                    lanes, state, np.int64(plan[0, 4, x]), np.int64(least[x]), large & 255,
-                    large >> 8, before + x * stride, cost, at + x * lane_count, to,
-                    keep_at + x * lane_count)
+                step_column(
+                    lanes, state, np.int64(plan[2, x]), before + x * stride, table, downs,
+                    below * width + x, cost, at + x * lane_count, to, keep_at + x * lane_count)
     return last + 1
 
 
 @njit(cache=True, nogil=True)
-def _begin_rows(y, count, row):
-    """Return the least values that paths begin with, and where the costs of their rows are."""
-    at = np.empty(ABREAST, np.int64)
-    for k in range(count):
-        at[k] = (y + k) % _RING * row
-    return np.zeros(ABREAST, np.int64), at
-
-
-@njit(cache=True, nogil=True)
-def _ahead(lanes, y, count, rows, size, offset, column, before, stride, least, cost, total, row,
-           plan):
+def _ahead(lanes, y, count, rows, row_layout, column, before, stride, table, flat, cost, total,
+           row, plan):
     """Run the rightward and the downward path over rows y..y + count, LAG pixels apart."""
-    width = least.shape[0]
+    width = plan.shape[2]
     lane_count = len(lanes) * LANES_PER_ITEM
-    row_least, at = _begin_rows(y, count, row)
-    begin = lane_count + 16
+    begin, offset, size = row_layout
+    alongs, downs = flat
     for z in range(width + LAG * (count - 1)):
         for k in range(count):
             x = z - LAG * k
@@ -208,32 +202,29 @@ def _ahead(lanes, y, count, rows, size, offset, column, before, stride, least, c
                 continue
             here = size * (2 * k + (x & 1))
             there = size * (2 * k + 1 - (x & 1))
-            p, q = np.int64(plan[k, 1, x]), np.int64(plan[k, 5, x])
-            both = step_both(
-                lanes, rows, here + np.int64(plan[k, 0, x]), row_least[k], p & 255, p >> 8,
-                there + begin, column, np.int64(plan[k, 4, x]), np.int64(least[x]), q & 255,
-                q >> 8, before + x * stride, cost, at[k] + x * lane_count, total,
-                k * row + x * lane_count, offset)
-            row_least[k] = both & 255
-            least[x] = both >> 8
+            step_both(
+                lanes, rows, here + np.int64(plan[k, 0, x]), there + begin, column,
+                np.int64(plan[k, 2, x]), before + x * stride, table, alongs, downs,
+                (y + k) * width + x, cost, (y + k) % _RING * row + x * lane_count, total,
+                _LINE + k * row + x * lane_count, offset)
 
 
 @njit(cache=True, nogil=True)
-def _back(lanes, y, count, rows, size, offset, cost, total, kept, kept_at, row, plan, found):
+def _back(lanes, y, count, rows, row_layout, table, flat, cost, total, kept, kept_at, row, plan,
+          found):
     """Run the leftward path over rows y..y + count, add all paths and find the winners."""
     width = found.shape[1]
     lane_count = len(lanes) * LANES_PER_ITEM
-    row_least, at = _begin_rows(y, count, row)
-    begin = lane_count + 16
+    begin, offset, size = row_layout
+    alongs = flat[0]
     for z in range(width):
         x = width - 1 - z
+        neighbour = min(x + 1, width - 1)
         for k in range(count):
             here = size * (2 * k + (z & 1))
             there = size * (2 * k + 1 - (z & 1))
-            p = np.int64(plan[k, 3, x])
-            one = step_last(
-                lanes, rows, here + np.int64(plan[k, 2, x]), row_least[k], p & 255, p >> 8,
-                there + begin, cost, at[k] + x * lane_count, total, k * row + x * lane_count,
-                kept, kept_at + k * row + x * lane_count, offset)
-            row_least[k] = one & 255
-            found[k, x] = one >> 8
+            found[k, x] = step_last(
+                lanes, rows, here + np.int64(plan[k, 1, x]), there + begin, table, alongs,
+                (y + k) * width + neighbour, cost, (y + k) % _RING * row + x * lane_count, total,
+                _LINE + k * row + x * lane_count, kept, kept_at + k * row + x * lane_count,
+                offset)

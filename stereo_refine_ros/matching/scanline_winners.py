@@ -19,75 +19,85 @@ from __future__ import annotations
 from numba import njit
 import numpy as np
 
-from stereo_refine_ros.matching.tuning import UNIQUENESS_UNIT
-from stereo_refine_ros.matching.vector_twins import LANES_PER_ITEM
+from stereo_refine_ros.matching.tuning import COST_WEIGHT, UNIQUENESS_UNIT
 
-_NOBODY = np.int32(1 << 30)
-_NO_DISPARITY = np.int32(-(1 << 20))
+WIDEST = (1 << 20) - 1
+_COLUMN_BITS = np.int32(20)
+_NOBODY = np.int32((1 << 31) - 1)
 _UNIT = np.float32(UNIQUENESS_UNIT)
 _MOST_UNIQUE = np.float32(2)
 
 
 @njit(cache=True, nogil=True)
-def finish_row(y, lanes, base, min_disparity, last, found, total, begin, scratch, out):
+def finish_row(y, base, min_disparity, last, found, scratch, out):
     """
     Turn what the last path found into the maps of row y; of two claimants the cheaper wins.
 
     last : the last lane that stands for a disparity
-    found : int64 (width,): winning lane, its total and the second's, 16 bits each
-    total : uint16, from `begin` on W totals a pixel
-    scratch : int32 (6, width)
+    found : int64 (width,), as `step_last` has it; at most WIDEST
+    scratch : int32 (4, width + 1)
     out : disparity, uniqueness and right view's disparity, float32 (H, width)
     """
-    disparity, uniqueness, right = out
+    disparity, uniqueness, right = out[0][y], out[1][y], out[2][y]
     width = found.shape[0]
-    lane_count = len(lanes) * LANES_PER_ITEM
-    winner, lane, best, below, above, seen = (
-        scratch[0], scratch[1], scratch[2], scratch[3], scratch[4], scratch[5])
-    _read(found, y, min_disparity, base, winner, lane, best, uniqueness[y])
-    for x in range(width):
-        at = np.uintp(begin + x * lane_count + min(max(lane[x], 1), lane_count - 2))
-        below[x] = np.int32(total[at - np.uintp(1)]) - best[x]
-        above[x] = np.int32(total[at + np.uintp(1)]) - best[x]
-    values = disparity[y]
-    for x in range(width):
-        offset = np.float32(0.5) * np.float32(below[x] - above[x]) / np.float32(
-            max(max(below[x], above[x]), 1))
-        inside = lane[x] > 0 and lane[x] < last
-        values[x] = np.float32(winner[x]) + (offset if inside else np.float32(0))
-    _claim(winner, best, below, seen)
-    for x in range(width):
-        partner = x - winner[x]
-        inside = 0 <= partner < width
-        there = seen[partner if inside else 0]
-        if not inside or there != winner[x] or not uniqueness[y, x] > 0:
-            values[x] = np.float32(np.nan)
-    there = right[y]
-    for x in range(width):
-        is_seen = seen[x] != _NO_DISPARITY
-        there[x] = np.float32(seen[x]) if is_seen else np.float32(np.nan)
-
-
-@njit(cache=True, nogil=True)
-def _read(found, y, min_disparity, base, winner, lane, best, uniqueness):
-    for x in range(found.shape[0]):
-        code = found[x]
-        lane[x] = np.int32(code & 0xFFFF)
-        best[x] = np.int32((code >> 16) & 0xFFFF)
-        lead = np.int32((code >> 32) & 0xFFFF) - best[x]
-        uniqueness[x] = min(np.float32(lead) / _UNIT, _MOST_UNIQUE)
-        winner[x] = lane[x] + np.int32(min_disparity)
+    winner, partner, claim, cheapest = scratch[0], scratch[1], scratch[2], scratch[3]
+    _read_winner(found, np.int32(min_disparity), winner)
     if base.shape[0] > 1:
-        for x in range(found.shape[0]):
-            winner[x] += base[y, x]
+        row = base[y]
+        for x in range(width):
+            winner[x] += row[x]
+    _read_disparity(found, np.int32(last), winner, disparity)
+    _read_uniqueness(found, uniqueness)
+    _claim(found, winner, claim, partner)
+    cheapest[:] = _NOBODY
+    for x in range(width):
+        there = np.uintp(partner[x])
+        cheapest[there] = min(cheapest[there], claim[x])
+    for x in range(width):
+        is_cheapest = cheapest[np.uintp(partner[x])] == claim[x]
+        is_kept = is_cheapest and partner[x] < width and uniqueness[x] > 0
+        disparity[x] = disparity[x] if is_kept else np.float32(np.nan)
+    for x in range(width):
+        seen = np.float32((cheapest[x] & np.int32(WIDEST)) - np.int32(x))
+        right[x] = seen if cheapest[x] != _NOBODY else np.float32(np.nan)
 
 
 @njit(cache=True, nogil=True)
-def _claim(winner, best, claim, seen):
-    claim[:] = _NOBODY
-    seen[:] = _NO_DISPARITY
-    for x in range(winner.shape[0]):
-        partner = x - winner[x]
-        if 0 <= partner < winner.shape[0] and best[x] < claim[partner]:
-            claim[partner] = best[x]
-            seen[partner] = winner[x]
+def _read_winner(found, min_disparity, winner):
+    for x in range(found.shape[0]):
+        winner[x] = np.int32(found[x] & 255) + min_disparity
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _read_disparity(found, last, winner, disparity):
+    byte = np.int32(255)
+    for x in range(found.shape[0]):
+        around = np.int32(found[x] >> 32)
+        best = (around >> np.int32(8)) & byte
+        below, above = (around & byte) - best, (around >> np.int32(16)) - best
+        offset = np.float32(0.5) * np.float32(below - above) / np.float32(
+            max(max(below, above), np.int32(1)))
+        lane = np.int32(found[x]) & byte
+        is_inside = (lane > 0) & (lane < last)
+        disparity[x] = np.float32(winner[x]) + (offset if is_inside else np.float32(0))
+
+
+@njit(cache=True, nogil=True)
+def _read_uniqueness(found, uniqueness):
+    byte = np.int32(255)
+    for x in range(found.shape[0]):
+        second, best = np.int32(found[x] >> 16) & byte, np.int32(found[x] >> 40) & byte
+        uniqueness[x] = min(np.float32(second - best) / _UNIT, _MOST_UNIQUE)
+
+
+@njit(cache=True, nogil=True)
+def _claim(found, winner, claim, partner):
+    """Say what each pixel pays, its column behind that, and where; `width` is out of view."""
+    byte, width = np.int32(255), np.int32(found.shape[0])
+    for x in range(found.shape[0]):
+        there = np.int32(x) - winner[x]
+        partner[x] = there if (there >= 0) & (there < width) else width
+    for x in range(found.shape[0]):
+        paid, best = np.int32(found[x] >> 24) & byte, np.int32(found[x] >> 40) & byte
+        pays = best + np.int32(COST_WEIGHT) * paid  # at most 255 + 20 * 34
+        claim[x] = (pays << _COLUMN_BITS) | np.int32(x)

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _MOST_IDLE = 12
+_LINE = 64  # bytes of a cache line
 _idle: list[NDArray[np.uint8]] = []
 _lock = threading.Lock()
 
@@ -35,7 +36,7 @@ _lock = threading.Lock()
 @contextmanager
 def scratch(size: int) -> Iterator[NDArray[np.uint8]]:
     """
-    Lend an uint8 array of a size until the block ends; what it holds is arbitrary.
+    Lend an uint8 array, on a cache line, until the block ends; what it holds is arbitrary.
 
     Any thread may ask, and gets one that nobody else has; the longest unused ones are dropped.
     """
@@ -53,4 +54,6 @@ def _take(size: int) -> NDArray[np.uint8]:
         for i in reversed(range(len(_idle))):
             if _idle[i].size == size:
                 return _idle.pop(i)
-    return np.empty(size, np.uint8)
+    array = np.empty(size + _LINE, np.uint8)
+    first = -array.ctypes.data % _LINE
+    return array[first:first + size]

@@ -21,7 +21,10 @@ so kernels need no factory and lie in numba's cache like any other. Every step h
 in `vector_twins`, which takes its place where numba is switched off.
 
 Costs and path values are uint8; sums saturate at 255, which also marks a disparity outside the
-range. Offsets are counted in entries.
+range. Values of a path are kept less their least, so that the sum of four paths fits a byte too
+wherever it is near the least sum. `table` holds penalties, W bytes each: of the rows P1 and P2
+across an edge, both elsewhere, then of the columns; the flag of a step is 1 where there is no
+edge. Offsets are counted in entries.
 """
 
 from __future__ import annotations
@@ -36,7 +39,7 @@ LANES_PER_ITEM = 16
 # Features of a pixel: two gradients and six bytes of censuses.
 PLANES = 8
 
-_I8, _I16, _I32, _I64 = (ir.IntType(bits) for bits in (8, 16, 32, 64))
+_I8, _I32, _I64 = (ir.IntType(bits) for bits in (8, 32, 64))
 _Index = types.intp
 
 
@@ -47,26 +50,31 @@ class _Vectors:
         self.context, self.builder, self.signature, self.args = context, builder, signature, args
         self.width = signature.args[0].count * LANES_PER_ITEM
         self.bytes = ir.VectorType(_I8, self.width)
-        self.words = ir.VectorType(_I16, self.width)
 
     def array(self, position: int) -> Any:
         kind = self.signature.args[position]
         return self.context.make_array(kind)(
             self.context, self.builder, self.args[position]).data
 
+    def opaque(self, value: Any) -> Any:
+        """Hide from LLVM where a value comes from, where what it makes of that costs time."""
+        kind = ir.FunctionType(value.type, [value.type])
+        return self.builder.asm(kind, '', '=r,0', [value], False)
+
     def planes(self, position: int, size: Any, index: Any) -> list[Any]:
-        """Point to one entry of every plane."""
-        places = [self.builder.gep(self.array(position), [index])]
-        for _ in range(PLANES - 1):
-            places.append(self.builder.gep(places[-1], [size]))
-        return places
+        """Point to one entry of every plane, by sums that x86 makes while it loads."""
+        build = self.builder
+        first = self.opaque(build.gep(self.array(position), [index]))
+        fourth = build.gep(first, [build.mul(size, self.index(3))])
+        return [build.gep(fourth if k in (3, 5, 7) else first,
+                          [build.mul(size, self.index(k - 3 if k in (3, 5, 7) else k))])
+                for k in range(PLANES)]
 
     def byte(self, position: int) -> Any:
         return self.splat(self.builder.trunc(self.args[position], _I8))
 
-    def load(self, pointer: Any, index: Any, kind: Any = None) -> Any:
-        kind = kind or self.bytes
-        place = self.builder.bitcast(self.builder.gep(pointer, [index]), kind.as_pointer())
+    def load(self, pointer: Any, index: Any) -> Any:
+        place = self.builder.bitcast(self.builder.gep(pointer, [index]), self.bytes.as_pointer())
         return self.builder.load(place, align=1)
 
     def store(self, vector: Any, pointer: Any, index: Any) -> None:
@@ -81,8 +89,8 @@ class _Vectors:
         zeros = ir.Constant(ir.VectorType(_I32, self.width), [0] * self.width)
         return self.builder.shuffle_vector(first, none, zeros)
 
-    def constant(self, value: int, kind: Any = _I8) -> Any:
-        return ir.Constant(ir.VectorType(kind, self.width), [value] * self.width)
+    def constant(self, value: int) -> Any:
+        return ir.Constant(self.bytes, [value] * self.width)
 
     def index(self, value: int) -> Any:
         return ir.Constant(_I64, value)
@@ -110,32 +118,36 @@ class _Vectors:
         return self.call(f'llvm.ctpop.v{a.type.count}i8', a.type, a)
 
     def least(self, a: Any) -> Any:
-        """Return the least lane, as int64."""
+        """Return the least lane."""
         suffix = f'v{a.type.count}i{a.type.element.width}'
-        value = self.call(f'llvm.vector.reduce.umin.{suffix}', a.type.element, a)
-        return self.builder.zext(value, _I64)
+        return self.call(f'llvm.vector.reduce.umin.{suffix}', a.type.element, a)
 
     def shifted(self, a: Any, by: int) -> Any:
         """Move the lanes by one, 255 moving in."""
         count = self.width
-        order = [count, *range(count - 1)] if by > 0 else [*range(1, count), count]
-        return self.builder.shuffle_vector(
-            a, self.constant(255), ir.Constant(ir.VectorType(_I32, count), order))
+        order = [(lane - by) % count for lane in range(count)]
+        turned = self.builder.shuffle_vector(
+            a, ir.Constant(self.bytes, ir.Undefined),
+            ir.Constant(ir.VectorType(_I32, count), order))
+        wall = [0] * count
+        wall[0 if by > 0 else -1] = 255
+        return self.builder.or_(turned, ir.Constant(self.bytes, wall))
 
-    def widened(self, a: Any) -> Any:
-        return self.builder.zext(a, self.words)
+    def penalties(self, table: int, axis: int, flags: int, at: int) -> tuple[Any, Any]:
+        """Load P1 and P2 of an axis (0: rows, 1: columns) by the flag of a step."""
+        build = self.builder
+        flag = build.zext(build.load(build.gep(self.array(flags), [self.args[at]])), _I64)
+        small = build.add(build.mul(flag, self.index(2 * self.width)),
+                          self.index(4 * self.width * axis))
+        large = build.add(small, self.index(self.width))
+        return self.load(self.array(table), small), self.load(self.array(table), large)
 
-    def advance(self, values: Any, beside: Any, least: int, small: int, large: int,
-                cost: Any) -> Any:
-        """
-        Take a path one pixel on: C + min(L, L(d +- 1) + P1, min L + P2) - min L.
-
-        `least`, `small` and `large` are the positions of min L, P1 and P2 among the arguments.
-        """
-        best = self.least_of(values, self.add(beside, self.byte(small)))
-        floor = self.byte(least)
-        best = self.least_of(best, self.add(floor, self.byte(large)))
-        return self.add(cost, self.builder.sub(best, floor))
+    def advance(self, values: Any, beside: Any, penalties: tuple[Any, Any], cost: Any) -> Any:
+        """Take a path one pixel on: C + min(L, L(d +- 1) + P1, P2), less the least of that."""
+        small, large = penalties
+        best = self.least_of(self.least_of(values, self.add(beside, small)), large)
+        after = self.add(cost, best)
+        return self.builder.sub(after, self.splat(self.opaque(self.least(after))))
 
     def near(self, lane: Any) -> Any:
         """Mark the lanes that are at most 2 from one (int64)."""
@@ -151,10 +163,9 @@ class _Vectors:
         return build.bitcast(marks, ir.VectorType(ir.IntType(1), self.width))
 
     def first_equal(self, a: Any, value: Any) -> Any:
-        """Return the first lane that holds a value (int64), as int64."""
+        """Return the first lane that holds a value, as int64."""
         build = self.builder
-        same = build.icmp_unsigned(
-            '==', a, self.splat(build.trunc(value, a.type.element)))
+        same = build.icmp_unsigned('==', a, self.splat(value))
         mask = build.bitcast(same, ir.IntType(self.width))
         name = f'llvm.cttz.i{self.width}'
         module = build.module
@@ -166,31 +177,34 @@ class _Vectors:
         return place if self.width == 64 else build.trunc(place, _I64)
 @intrinsic  # noqa: E302
 def match_column(typing, lanes, left, right, size, mask, outside, slope_limit, census_limit, at,
-                 partner, seat, cost, to, column, begin, least, small, large, end, kept, keep_at):
+                 partner, seat, cost, to, column, begin, end, table, flags, flag_at, kept,
+                 keep_at):
     """
     Compare a pixel with its partners, and take the path along its column on to it.
 
     The cost is min(slopes, limit) + min(census bits, limit). `left` and `right` hold PLANES
     planes of `size` bytes: two gradients, then bytes of a census. Lanes where `outside` is not
-    0, from `seat` on, cost what stands there; lanes whose `mask` is 255 become 255. Returns the
-    least value of the path; its values are copied to kept[keep_at].
+    0, from `seat` on, cost what stands there; lanes whose `mask` is 255 become 255. The path's
+    values are copied to kept[keep_at].
     """
-    signature = types.int64(lanes, left, right, _Index, mask, outside, *[_Index] * 5, cost,
-                            _Index, column, *[_Index] * 5, kept, _Index)
+    signature = types.void(lanes, left, right, _Index, mask, outside, *[_Index] * 5, cost,
+                           _Index, column, _Index, _Index, table, flags, _Index, kept, _Index)
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         v = _Vectors(context, builder, signature, args)
         fresh = _cost(v, builder, args)
         v.store(fresh, v.array(11), args[12])
-        values = _advance_column(v, builder, v.array(13), args[14], args[18], (15, 16, 17), fresh)
+        values = _advance_column(v, v.array(13), args[14], args[15],
+                                 v.penalties(16, 1, 17, 18), fresh)
         v.store(values, v.array(19), args[20])
-        return v.least(values)
+        return context.get_dummy_value()
     return signature, generate
 
 
 def _cost(v: _Vectors, builder: Any, args: Any) -> Any:
-    here = [v.splat(builder.load(place)) for place in v.planes(1, args[3], args[8])]
-    there = [v.load(place, v.index(0)) for place in v.planes(2, args[3], args[9])]
+    size = v.opaque(args[3])
+    here = [v.splat(builder.load(place)) for place in v.planes(1, size, args[8])]
+    there = [v.load(place, v.index(0)) for place in v.planes(2, size, args[9])]
     slope = v.add(v.difference(here[0], there[0]), v.difference(here[1], there[1]))
     bits = None
     for a, b in zip(here[2:], there[2:], strict=True):
@@ -203,92 +217,89 @@ def _cost(v: _Vectors, builder: Any, args: Any) -> Any:
 
 
 @intrinsic
-def step_both(typing, lanes, row, row_from, row_least, row_small, row_large, row_to,
-              column, column_from, column_least, column_small, column_large, column_to,
-              cost, at, total, to, offset):
+def step_both(typing, lanes, row, row_from, row_to, column, column_from, column_to, table,
+              along_flags, down_flags, flag_at, cost, at, total, to, offset):
     """
     Take the path along a row and the one down its column a pixel on; their sum goes to `total`.
 
     The state of a row holds, `offset` entries behind the values, the lesser of both neighbours
-    of each: so that the next step loads what one step stored. Returns the least value of the
-    row's path, and that of the column's path times 256.
+    of each: so that the next step loads what one step stored.
     """
-    signature = types.int64(lanes, row, *[_Index] * 5, column, *[_Index] * 5, cost, _Index,
-                            total, _Index, _Index)
+    signature = types.void(lanes, row, _Index, _Index, column, _Index, _Index, table,
+                           along_flags, down_flags, _Index, cost, _Index, total, _Index, _Index)
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         v = _Vectors(context, builder, signature, args)
-        fresh = v.load(v.array(13), args[14])
-        along = _advance_row(v, builder, v.array(1), args[2], args[6], args[17], (3, 4, 5), fresh)
-        down = _advance_column(v, builder, v.array(7), args[8], args[12], (9, 10, 11), fresh)
-        v.store(builder.add(v.widened(along), v.widened(down)), v.array(15), args[16])
-        return builder.or_(v.least(along), builder.shl(v.least(down), v.index(8)))
+        fresh = v.load(v.array(11), args[12])
+        along = _advance_row(v, v.array(1), args[2], args[3], args[15],
+                             v.penalties(7, 0, 8, 10), fresh)
+        down = _advance_column(v, v.array(4), args[5], args[6], v.penalties(7, 1, 9, 10), fresh)
+        v.store(v.add(along, down), v.array(13), args[14])
+        return context.get_dummy_value()
     return signature, generate
 
 
 @intrinsic
-def step_column(typing, lanes, column, begin, least, small, large, end, cost, at, kept, to):
-    """
-    Take the path along a column a pixel on.
-
-    Returns its least value; its values are copied to kept[to].
-    """
-    signature = types.int64(lanes, column, *[_Index] * 5, cost, _Index, kept, _Index)
+def step_column(typing, lanes, column, begin, end, table, flags, flag_at, cost, at, kept, to):
+    """Take the path along a column a pixel on; its values are copied to kept[to]."""
+    signature = types.void(lanes, column, _Index, _Index, table, flags, _Index, cost, _Index,
+                           kept, _Index)
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         v = _Vectors(context, builder, signature, args)
-        fresh = v.load(v.array(7), args[8])
-        values = _advance_column(v, builder, v.array(1), args[2], args[6], (3, 4, 5), fresh)
+        values = _advance_column(v, v.array(1), args[2], args[3], v.penalties(4, 1, 5, 6),
+                                 v.load(v.array(7), args[8]))
         v.store(values, v.array(9), args[10])
-        return v.least(values)
+        return context.get_dummy_value()
     return signature, generate
 
 
 @intrinsic
-def step_last(typing, lanes, row, begin, least, small, large, end, cost, at, total, to, up, back,
-              offset):
+def step_last(typing, lanes, row, begin, end, table, flags, flag_at, cost, at, total, to, up,
+              back, offset):
     """
     Take the last path along a row a pixel on, complete the total, and find its winner.
 
-    `up` is added at `back`. Returns, from the lowest bits: the least value of the path (8 bits),
-    the winning lane (16), its total (16), and the least total of the lanes farther than 2 from
-    it (16).
+    `up` is added at `back`. Returns, a byte each from the lowest bits: the winning lane, nothing,
+    the least total of the lanes farther than 2 from it, the winner's cost; then the totals of the
+    lane before the winner, of the winner, and of the lane after it.
     """
-    signature = types.int64(lanes, row, *[_Index] * 5, cost, _Index, total, _Index, up, _Index,
-                            _Index)
+    signature = types.int64(lanes, row, _Index, _Index, table, flags, _Index, cost, _Index, total,
+                            _Index, up, _Index, _Index)
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         v = _Vectors(context, builder, signature, args)
-        fresh = v.load(v.array(7), args[8])
-        along = _advance_row(v, builder, v.array(1), args[2], args[6], args[13], (3, 4, 5), fresh)
-        total = builder.add(v.load(v.array(9), args[10], v.words), v.widened(along))
-        total = builder.add(total, v.widened(v.load(v.array(11), args[12])))
-        v.store(total, v.array(9), args[10])
-        most = v.least(total)
-        lane = v.first_equal(total, most)
-        second = v.least(builder.select(v.near(lane), v.constant(65535, _I16), total))
-        found = builder.or_(v.least(along), builder.shl(lane, v.index(8)))
-        found = builder.or_(found, builder.shl(most, v.index(24)))
-        return builder.or_(found, builder.shl(second, v.index(40)))
+        cost, sums = v.array(7), v.array(9)
+        along = _advance_row(v, v.array(1), args[2], args[3], args[13],
+                             v.penalties(4, 0, 5, 6), v.load(cost, args[8]))
+        total = v.add(v.load(sums, args[10]), v.add(along, v.load(v.array(11), args[12])))
+        v.store(total, sums, args[10])
+        lane = v.first_equal(total, v.least(total))
+        second = v.least(builder.select(v.near(lane), v.constant(255), total))
+        before = builder.gep(sums, [builder.add(args[10], builder.sub(lane, v.index(1)))])
+        around = builder.load(builder.bitcast(before, _I32.as_pointer()), align=1)
+        around = builder.and_(around, ir.Constant(_I32, 0xFFFFFF))
+        paid = builder.load(builder.gep(cost, [builder.add(args[8], lane)]))
+        found = lane
+        for part, bits in ((second, 16), (paid, 24), (around, 32)):
+            found = builder.or_(found, builder.shl(builder.zext(part, _I64), v.index(bits)))
+        return found
     return signature, generate
 
 
-def _advance_row(v: _Vectors, builder: Any, state: Any, begin: Any, end: Any, offset: Any,
-                 positions: tuple[int, int, int], fresh: Any) -> Any:
-    values = v.load(state, begin)
-    beside = v.load(state, builder.add(begin, offset))
-    after = v.advance(values, beside, *positions, fresh)
+def _advance_row(v: _Vectors, state: Any, begin: Any, end: Any, offset: Any, penalties: Any,
+                 fresh: Any) -> Any:
+    add = v.builder.add
+    after = v.advance(v.load(state, begin), v.load(state, add(begin, offset)), penalties, fresh)
     v.store(after, state, end)
-    v.store(v.least_of(v.shifted(after, 1), v.shifted(after, -1)), state,
-            builder.add(end, offset))
+    v.store(v.least_of(v.shifted(after, 1), v.shifted(after, -1)), state, add(end, offset))
     return after
 
 
-def _advance_column(v: _Vectors, builder: Any, state: Any, begin: Any, end: Any,
-                    positions: tuple[int, int, int], fresh: Any) -> Any:
-    one = v.index(1)
-    beside = v.least_of(v.load(state, builder.sub(begin, one)),
-                        v.load(state, builder.add(begin, one)))
-    after = v.advance(v.load(state, begin), beside, *positions, fresh)
+def _advance_column(v: _Vectors, state: Any, begin: Any, end: Any, penalties: Any,
+                    fresh: Any) -> Any:
+    before, behind = v.builder.sub(begin, v.index(1)), v.builder.add(begin, v.index(1))
+    beside = v.least_of(v.load(state, before), v.load(state, behind))
+    after = v.advance(v.load(state, begin), beside, penalties, fresh)
     v.store(after, state, end)
     return after

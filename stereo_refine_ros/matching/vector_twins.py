@@ -34,8 +34,8 @@ _BITS = np.array([bin(byte).count('1') for byte in range(256)])
 
 def match_column(lanes: Lanes, left: Bytes, right: Bytes, size: int, mask: Bytes, outside: Bytes,
                  slope_limit: int, census_limit: int, at: int, partner: int, seat: int,
-                 cost: Bytes, to: int, column: Bytes, begin: int, least: int, small: int,
-                 large: int, end: int, kept: Bytes, keep_at: int) -> int:
+                 cost: Bytes, to: int, column: Bytes, begin: int, end: int, table: Bytes,
+                 flags: Bytes, flag_at: int, kept: Bytes, keep_at: int) -> None:
     """Compare a pixel with its partners, and take the path along its column on to it."""
     width = len(lanes) * LANES_PER_ITEM
     here = [int(left[k * size + at]) for k in range(PLANES)]
@@ -45,45 +45,46 @@ def match_column(lanes: Lanes, left: Bytes, right: Bytes, size: int, mask: Bytes
     fresh = np.minimum(slope, slope_limit) + np.minimum(bits, census_limit)
     veil = _part(outside, seat, width)
     cost[to:to + width] = np.where(veil == 0, fresh, veil) | mask[:width]
-    return step_column(lanes, column, begin, least, small, large, end, cost, to, kept, keep_at)
+    step_column(lanes, column, begin, end, table, flags, flag_at, cost, to, kept, keep_at)
 
 
-def step_both(lanes: Lanes, row: Bytes, row_from: int, row_least: int, row_small: int,
-              row_large: int, row_to: int, column: Bytes, column_from: int, column_least: int,
-              column_small: int, column_large: int, column_to: int, cost: Bytes, at: int,
-              total: NDArray[np.uint16], to: int, offset: int) -> int:
+def step_both(lanes: Lanes, row: Bytes, row_from: int, row_to: int, column: Bytes,
+              column_from: int, column_to: int, table: Bytes, along_flags: Bytes,
+              down_flags: Bytes, flag_at: int, cost: Bytes, at: int, total: Bytes, to: int,
+              offset: int) -> None:
     """Take the path along a row and the one down its column a pixel on."""
     width = len(lanes) * LANES_PER_ITEM
     fresh = _part(cost, at, width)
-    along = _advance_row(row, row_from, row_to, offset, (row_least, row_small, row_large), fresh)
+    along = _advance_row(row, row_from, row_to, offset,
+                         _penalties(table, 0, along_flags[flag_at], width), fresh)
     down = _advance_column(column, column_from, column_to,
-                           (column_least, column_small, column_large), fresh)
-    total[to:to + width] = along + down
-    return int(along.min()) | int(down.min()) << 8
+                           _penalties(table, 1, down_flags[flag_at], width), fresh)
+    total[to:to + width] = np.minimum(along + down, 255)
 
 
-def step_column(lanes: Lanes, column: Bytes, begin: int, least: int, small: int, large: int,
-                end: int, cost: Bytes, at: int, kept: Bytes, to: int) -> int:
-    """Take the path along a column a pixel on; returns its least value."""
+def step_column(lanes: Lanes, column: Bytes, begin: int, end: int, table: Bytes, flags: Bytes,
+                flag_at: int, cost: Bytes, at: int, kept: Bytes, to: int) -> None:
+    """Take the path along a column a pixel on."""
     width = len(lanes) * LANES_PER_ITEM
-    values = _advance_column(column, begin, end, (least, small, large), _part(cost, at, width))
-    kept[to:to + width] = values
-    return int(values.min())
+    kept[to:to + width] = _advance_column(
+        column, begin, end, _penalties(table, 1, flags[flag_at], width), _part(cost, at, width))
 
 
-def step_last(lanes: Lanes, row: Bytes, begin: int, least: int, small: int, large: int, end: int,
-              cost: Bytes, at: int, total: NDArray[np.uint16], to: int, up: Bytes, back: int,
+def step_last(lanes: Lanes, row: Bytes, begin: int, end: int, table: Bytes, flags: Bytes,
+              flag_at: int, cost: Bytes, at: int, total: Bytes, to: int, up: Bytes, back: int,
               offset: int) -> int:
     """Take the last path along a row a pixel on, complete the total, and find its winner."""
     width = len(lanes) * LANES_PER_ITEM
     fresh = _part(cost, at, width)
-    along = _advance_row(row, begin, end, offset, (least, small, large), fresh)
-    sums = total[to:to + width] + along + _part(up, back, width)
+    along = _advance_row(row, begin, end, offset, _penalties(table, 0, flags[flag_at], width),
+                         fresh)
+    sums = np.minimum(_part(total, to, width) + along + _part(up, back, width), 255)
     total[to:to + width] = sums
     lane = int(sums.argmin())
     far = np.abs(np.arange(width) - lane) > 2
-    second = int(sums[far].min())
-    return int(along.min()) | lane << 8 | int(sums[lane]) << 24 | second << 40
+    around = _part(total, to + lane - 1, 3)
+    return (lane | int(sums[far].min()) << 16 | int(fresh[lane]) << 24
+            | sum(int(around[k]) << (32 + 8 * k) for k in range(3)))
 
 
 def _part(values: Bytes, begin: int, width: int) -> NDArray[np.int64]:
@@ -91,16 +92,21 @@ def _part(values: Bytes, begin: int, width: int) -> NDArray[np.int64]:
     return values[begin:begin + width].astype(np.int64)
 
 
-def _advance(values: NDArray[np.int64], beside: NDArray[np.int64], penalties: tuple[int, int, int],
+def _penalties(table: Bytes, axis: int, flag: int, width: int) -> tuple[int, int]:
+    first = (4 * axis + 2 * int(flag)) * width
+    return int(table[first]), int(table[first + width])
+
+
+def _advance(values: NDArray[np.int64], beside: NDArray[np.int64], penalties: tuple[int, int],
              fresh: NDArray[np.int64]) -> NDArray[np.int64]:
-    least, small, large = penalties
-    best = np.minimum(values, np.minimum(beside + small, 255))
-    best = np.minimum(best, min(least + large, 255)) - least
-    return np.minimum(fresh + best, 255)
+    small, large = penalties
+    best = np.minimum(np.minimum(values, np.minimum(beside + small, 255)), large)
+    after = np.minimum(fresh + best, 255)
+    return after - after.min()
 
 
-def _advance_row(state: Bytes, begin: int, end: int, offset: int,
-                 penalties: tuple[int, int, int], fresh: NDArray[np.int64]) -> NDArray[np.int64]:
+def _advance_row(state: Bytes, begin: int, end: int, offset: int, penalties: tuple[int, int],
+                 fresh: NDArray[np.int64]) -> NDArray[np.int64]:
     width = len(fresh)
     after = _advance(_part(state, begin, width), _part(state, begin + offset, width), penalties,
                      fresh)
@@ -110,7 +116,7 @@ def _advance_row(state: Bytes, begin: int, end: int, offset: int,
     return after
 
 
-def _advance_column(state: Bytes, begin: int, end: int, penalties: tuple[int, int, int],
+def _advance_column(state: Bytes, begin: int, end: int, penalties: tuple[int, int],
                     fresh: NDArray[np.int64]) -> NDArray[np.int64]:
     width = len(fresh)
     beside = np.minimum(_part(state, begin - 1, width), _part(state, begin + 1, width))

@@ -23,7 +23,7 @@ GRADIENT_CAP, CENSUS_CAP, OUT_OF_VIEW = 14, 20, 22
 # By axis, then by whether the step is flat.
 PENALTIES = {'row': {True: (55, 147), False: (6, 15)},
              'column': {True: (33, 114), False: (3, 11)}}
-WALL = 255
+WALL, COST_WEIGHT = 255, 20
 
 
 def features(grey):
@@ -58,20 +58,24 @@ def is_flat(image, p, q, edge_step):
 
 
 def advance(before, cost, small, large, sees_beyond):
-    """Return C + min(L, L(d +- 1) + P1, min L + P2) - min L; L is a wall outside a window."""
-    floor = min(before.values())
+    """Return C + min(L, L(d +- 1) + P1, P2), less its least; L is a wall outside a window."""
     after = {}
     for d, value in cost.items():
         sees = d in before or sees_beyond
         beside = [before.get(n, WALL) for n in (d - 1, d + 1)] if sees else []
-        best = min([before.get(d, WALL), floor + large, *[n + small for n in beside]])
-        after[d] = min(value + min(best, WALL) - floor, WALL)
-    return after
+        best = min([before.get(d, WALL), large, *[n + small for n in beside]])
+        after[d] = min(value + best, WALL)
+    return less_its_least(after)
+
+
+def less_its_least(values):
+    least = min(values.values())
+    return {d: value - least for d, value in values.items()}
 
 
 def path(image, costs, pixels, kind, edge_step):
     """Return the values of a path at its pixels, in the order of its steps."""
-    values = [dict(costs[pixels[0][0]][pixels[0][1]])]
+    values = [less_its_least(costs[pixels[0][0]][pixels[0][1]])]
     for before, here in zip(pixels, pixels[1:], strict=False):
         small, large = PENALTIES[kind][bool(is_flat(image, before, here, edge_step))]
         values.append(advance(values[-1], costs[here[0]][here[1]], small, large,
@@ -105,7 +109,8 @@ def path_sums(image, costs, edge_step):
                 for y in range(top, end):
                     for d in sums[y, x]:
                         sums[y, x][d] += values[y, x][d]
-    return sums
+    return {p: {d: min(total, WALL) for d, total in of_pixel.items()}
+            for p, of_pixel in sums.items()}
 
 
 def subpixel(sums, d):
@@ -115,7 +120,7 @@ def subpixel(sums, d):
     return d + 0.5 * (below - above) / max(below, above, 1)
 
 
-def finish(sums, shape):
+def finish(sums, costs, shape):
     """Return disparity, uniqueness and the right view's disparity."""
     disparity, uniqueness, right = np.full((3, *shape), np.nan)
     winners = {p: min(values, key=lambda d, v=values: (v[d], d)) for p, values in sums.items()}
@@ -123,15 +128,15 @@ def finish(sums, shape):
         claims = {}
         for x in range(shape[1]):
             d = winners[y, x]
-            claim = (sums[y, x][d], x, d)
+            claim = (sums[y, x][d] + COST_WEIGHT * costs[y][x][d], x, d)
             if 0 <= x - d < shape[1]:
                 claims[x - d] = min(claims.get(x - d, claim), claim)
         for partner, (_, _, d) in claims.items():
             right[y, partner] = d
         for x in range(shape[1]):
             d, values = winners[y, x], sums[y, x]
-            far = [values[n] for n in values if abs(n - d) > 2]
-            uniqueness[y, x] = min((min(far) - values[d]) / 100, 2) if far else 2
+            far = [WALL, *[values[n] for n in values if abs(n - d) > 2]]
+            uniqueness[y, x] = min((min(far) - values[d]) / 100, 2)
             is_agreed = x - d in claims and claims[x - d][2] == d
             if is_agreed and uniqueness[y, x] > 0:
                 disparity[y, x] = subpixel(values, d)

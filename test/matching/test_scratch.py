@@ -24,6 +24,7 @@ def test_what_was_given_back_is_lent_again_to_one_at_a_time():
         assert first.shape == second.shape == (1001,)
     with scratch(1001) as again:
         assert again is second or again is first
+    assert all(array.ctypes.data % 64 == 0 for array in (first, second))
     with scratch(1002) as other:
         assert other.shape == (1002,)
 

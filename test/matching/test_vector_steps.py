@@ -31,23 +31,23 @@ def arguments(name, width, seed):
     """Return the arguments of a step: arrays of random bytes, and places within them."""
     rng = np.random.default_rng(seed)
 
-    def some(size, high=256, kind=np.uint8):
-        return rng.integers(0, high, size).astype(kind)
-    penalties = tuple(int(n) for n in (rng.integers(0, 40), rng.integers(0, 90), 147))
-    # No value of a path is below its least.
-    state = np.maximum(some(4 * width + 40), penalties[0])
-    move = (width, *penalties, 2 * width + 30)
-    row = (np.maximum(some(8 * width + 64), penalties[0]), width, *penalties, 2 * width + 16)
+    def some(size, high=256):
+        return rng.integers(0, high, size).astype(np.uint8)
+    table, flags = np.repeat(some(8, 150), width), some(20, 2)
+    state, row = some(4 * width + 40), some(8 * width + 64)
+    down = (state, width, 2 * width + 30)
+    along = (row, width, 2 * width + 16)
     offset = 3 * width + 32
-    cost, total = some(3 * width, 35), some(2 * width, 600, np.uint16)
+    cost, total, up = some(3 * width, 35), some(2 * width + 10, 130), some(2 * width, 130)
     return {
         'match_column': lambda: (some(8 * 2 * width), some(8 * 2 * width), 2 * width,
                                  np.where(np.arange(width) < width - 3, 0, 255).astype(np.uint8),
                                  some(2 * width, 2) * np.uint8(22), 14, 20, 3, 5, 7, cost, 9,
-                                 state, *move, some(2 * width), 3),
-        'step_both': lambda: (*row, state, *move, cost, 11, total, 5, offset),
-        'step_column': lambda: (state, *move, cost, 7, some(2 * width), 3),
-        'step_last': lambda: (*row, cost, 11, total, 5, some(2 * width), 8, offset),
+                                 *down, table, flags, 4, up, 3),
+        'step_both': lambda: (*along, *down, table, flags, some(20, 2), 6, cost, 11, total, 5,
+                              offset),
+        'step_column': lambda: (*down, table, flags, 8, cost, 7, up, 3),
+        'step_last': lambda: (*along, table, flags, 2, cost, 11, total, 5, up, 8, offset),
     }[name]()
 
 
