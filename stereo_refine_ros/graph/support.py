@@ -57,7 +57,7 @@ def mean_of_alike(values: FloatMap, counts: FloatMap, weights: NDArray[np.uint8]
     """
     table = similarity_table(sigma) * np.float32(FADE)
     height, width = values.shape
-    sums, mean = np.empty((height, width, 2), np.float32), np.empty_like(values)
+    sums, mean = np.empty((2, height, width), np.float32), np.empty_like(values)
     run_bands(_row_kernel, height, threads, values, counts, weights, table, sums)
     run_bands(_column_kernel, width, threads, values, counts, sums, weights, table, mean)
     return mean
@@ -66,41 +66,50 @@ def mean_of_alike(values: FloatMap, counts: FloatMap, weights: NDArray[np.uint8]
 @njit(cache=True, nogil=True)
 def _row_kernel(start, stop, values, counts, weights, table, sums):
     width = values.shape[1]
+    parts = np.zeros(width, np.float32)
     for y in range(start, stop):
-        carried, number = np.float32(0), np.float32(0)
+        value, count, total, number = values[y], counts[y], sums[0, y], sums[1, y]
+        for x in range(width - 1):
+            parts[x] = table[weights[y, x, 0]]
+        carried, counted = np.float32(0), np.float32(0)
         for x in range(width):
-            sums[y, x, 0], sums[y, x, 1] = carried, number
-            if x + 1 < width:
-                part = table[weights[y, x, 0]]
-                carried, number = (carried + values[y, x]) * part, (number + counts[y, x]) * part
-        carried, number = np.float32(0), np.float32(0)
+            total[x], number[x] = carried, counted
+            carried, counted = (carried + value[x]) * parts[x], (counted + count[x]) * parts[x]
+        carried, counted = np.float32(0), np.float32(0)
         for x in range(width - 1, -1, -1):
-            carried, number = carried + values[y, x], number + counts[y, x]
-            sums[y, x, 0] += carried
-            sums[y, x, 1] += number
-            if x > 0:
-                part = table[weights[y, x - 1, 0]]
-                carried, number = carried * part, number * part
+            carried, counted = carried + value[x], counted + count[x]
+            total[x] += carried
+            number[x] += counted
+            carried, counted = carried * parts[max(x - 1, 0)], counted * parts[max(x - 1, 0)]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _column_kernel(start, stop, values, counts, sums, weights, table, mean):
+    height, width = values.shape[0], stop - start
+    parts, carried = np.ones((height, width), np.float32), np.zeros((2, width), np.float32)
+    from_above = np.empty((2, height, width), np.float32)
+    from_above[:, 0] = 0
+    for y in range(height - 1):
+        part = parts[y]
+        for x in range(width):
+            part[x] = table[weights[y, start + x, 1]]
+        for k in range(2):
+            here, there, own = from_above[k, y], from_above[k, y + 1], sums[k, y, start:stop]
+            for x in range(width):
+                there[x] = (here[x] + own[x]) * part[x]
+    for y in range(height - 1, -1, -1):
+        for k in range(2):
+            _carry(carried[k], parts[y], sums[k, y, start:stop], from_above[k, y])
+        total, number, to = from_above[0, y], from_above[1, y], mean[y, start:stop]
+        value, count = values[y, start:stop], counts[y, start:stop]
+        for x in range(width):
+            votes = number[x] + count[x]
+            to[x] = (total[x] + value[x]) / votes if votes > 0 else np.float32(0)
 
 
 @njit(cache=True, nogil=True)
-def _column_kernel(start, stop, values, counts, sums, weights, table, mean):
-    height = values.shape[0]
-    total = np.empty((height, stop - start, 2), np.float32)
-    carried = np.zeros((stop - start, 2), np.float32)
-    for y in range(height):
-        for x in range(start, stop):
-            part = table[weights[y, x, 1]]
-            for k in range(2):
-                total[y, x - start, k] = carried[x - start, k]
-                carried[x - start, k] = (carried[x - start, k] + sums[y, x, k]) * part
-    carried[:] = 0
-    for y in range(height - 1, -1, -1):
-        for x in range(start, stop):
-            part = table[weights[y, x, 1]] if y + 1 < height else np.float32(1)
-            for k in range(2):
-                carried[x - start, k] = carried[x - start, k] * part + sums[y, x, k]
-                total[y, x - start, k] += carried[x - start, k]
-            number = total[y, x - start, 1] + counts[y, x]
-            whole = total[y, x - start, 0] + values[y, x]
-            mean[y, x] = whole / number if number > 0 else np.float32(0)
+def _carry(carried, part, own, total):
+    """Take what a column carries a pixel up, and add it to what comes from above."""
+    for x in range(carried.shape[0]):
+        carried[x] = carried[x] * part[x] + own[x]
+        total[x] += carried[x]

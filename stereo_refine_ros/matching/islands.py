@@ -57,48 +57,64 @@ def _island_kernel(disparity, run, size, parent, smallest, out):
     """Join runs of rows that touch; size, parent: one entry a run."""
     height, width = disparity.shape
     steps = np.empty((2, width), np.int32)
+    begins = np.empty((2, width), np.uint8)
+    contact = np.empty((2, width), np.uint8)
     count = 0
     for y in range(height):
         here, above = steps[y & 1], steps[1 - (y & 1)]
+        begin, begin_above = begins[y & 1], begins[1 - (y & 1)]
         row = disparity[y]
         for x in range(width):
             here[x] = _NONE if np.isnan(row[x]) else np.int32(row[x] * np.float32(_EIGHTHS))
-        count = _runs(here, run[y], size, parent, count)
+        first = count
+        count = _runs(here, begin, run[y], size, count)
+        for i in range(first, count):
+            parent[i] = i
         if y > 0:
-            _join(here, above, run[y], run[y - 1], size, parent)
+            _find_contacts(here, above, begin, begin_above, contact[0], contact[1])
+            _join(contact[1], run[y], run[y - 1], size, parent)
     for i in range(count):
         size[i] = size[find(parent, i)]
     for y in range(height):
         row, to, ids = disparity[y], out[y], run[y]
         for x in range(width):
-            to[x] = row[x] if size[ids[x]] > smallest else np.float32(np.nan)
+            to[x] = row[x] if size[np.uintp(ids[x])] > smallest else np.float32(np.nan)
 
 
 @njit(cache=True, nogil=True)
-def _runs(here, run, size, parent, count):
-    """Give the runs of a row, unmatched ones too, the numbers from `count` on."""
-    last = np.int32(0)
-    begin = 0
-    for x in range(here.shape[0]):
-        if abs(here[x] - last) > _EIGHTHS or x == 0:
-            if x > 0:
-                size[count - 1] = x - begin
-            parent[count] = count
-            begin = x
-            count += 1
-        run[x] = count - 1
-        last = here[x]
-    size[count - 1] = here.shape[0] - begin
-    return count
+def _runs(here, begin, run, size, count):
+    """Give the runs of a row, unmatched ones too, the numbers from `count` on, without a branch."""
+    width = here.shape[0]
+    begin[0] = 1
+    before, after, begins = here[:width - 1], here[1:], begin[1:]
+    for x in range(width - 1):
+        begins[x] = np.int32(abs(np.int32(after[x] - before[x]))) > np.int32(_EIGHTHS)
+    number = np.intp(count - 1)
+    for x in range(width):
+        number += np.intp(begin[x])
+        run[x] = number
+        size[np.uintp(number)] = x + 1  # at last: where the run ends
+    for i in range(number, count, -1):
+        size[i] -= size[i - 1]
+    return number + 1
 
 
 @njit(cache=True, nogil=True)
-def _join(here, above, run, run_above, size, parent):
-    upper, lower = -1, -1
+def _find_contacts(here, above, begin, begin_above, touches, is_first):
+    """Mark where a run begins to touch one of the row above."""
+    none, most = np.int32(_NONE), np.int32(_EIGHTHS)
     for x in range(here.shape[0]):
-        if here[x] != _NONE and abs(here[x] - above[x]) <= _EIGHTHS and (
-                run[x] != lower or run_above[x] != upper):
-            lower, upper = run[x], run_above[x]
-            a, b = find(parent, lower), find(parent, upper)
+        apart = np.int32(abs(np.int32(here[x] - above[x])))
+        touches[x] = (here[x] != none) & (apart <= most)
+    is_first[0] = touches[0]
+    for x in range(1, here.shape[0]):
+        is_first[x] = touches[x] & (begin[x] | begin_above[x] | (touches[x - 1] ^ np.uint8(1)))
+
+
+@njit(cache=True, nogil=True)
+def _join(is_first, run, run_above, size, parent):
+    for x in range(is_first.shape[0]):
+        if is_first[x]:
+            a, b = find(parent, run[x]), find(parent, run_above[x])
             if a != b:
                 union(parent, size, a, b)
