@@ -83,7 +83,7 @@ def _island_kernel(disparity, run, size, parent, smallest, out):
 
 @njit(cache=True, nogil=True)
 def _runs(here, begin, run, size, count):
-    """Give the runs of a row, unmatched ones too, the numbers from `count` on, without a branch."""
+    """Give the runs of a row, unmatched ones too, the numbers from `count` on; no branches."""
     width = here.shape[0]
     begin[0] = 1
     before, after, begins = here[:width - 1], here[1:], begin[1:]

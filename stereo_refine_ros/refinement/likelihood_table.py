@@ -15,57 +15,57 @@
 """Coefficients of the likelihood: made by scripts/fit_likelihood.py."""
 
 PAIR = (
-    -0.2550,  # bias
-    2.5153,  # vote
-    0.3938,  # around
-    1.0047,  # plane_near
-    -0.5886,  # plane_far
-    -0.5884,  # given_far
-    -0.3524,  # smooth_given
-    0.2654,  # smooth_ungiven
-    1.2210,  # fine_near
-    -0.8767,  # coarse_far
-    0.4144,  # uniqueness
-    -0.5652,  # bend
-    -0.5329,  # transparent
-    -0.1788,  # unseen
-    -0.1531,  # hole
-    0.9302,  # hole_vote
-    -0.5664,  # hole_plane
-    0.5451,  # hole_behind
-    -0.2385,  # border
-    0.7341,  # border_plane
-    -0.0203,  # border_behind
-    0.3490,  # uniqueness_around
-    -0.3694,  # disagreement_around
-    0.8672,  # slant
-    -0.5428,  # misfit
+    -0.1502,  # bias
+    2.5677,  # vote
+    0.5097,  # around
+    0.9975,  # plane_near
+    -0.5746,  # plane_far
+    -0.5973,  # given_far
+    -0.3503,  # smooth_given
+    0.2695,  # smooth_ungiven
+    1.3037,  # fine_near
+    -0.9086,  # coarse_far
+    0.3901,  # uniqueness
+    -0.5709,  # bend
+    -0.5367,  # transparent
+    -0.1944,  # unseen
+    -0.1297,  # hole
+    1.0927,  # hole_vote
+    -0.5862,  # hole_plane
+    0.4636,  # hole_behind
+    -0.2703,  # border
+    0.8879,  # border_plane
+    0.0881,  # border_behind
+    0.2836,  # uniqueness_around
+    -0.4243,  # disagreement_around
+    1.0462,  # slant
+    -0.4901,  # misfit
 )
 
 ALONE = (
-    -0.7633,  # bias
-    2.5324,  # vote
-    1.3420,  # around
-    2.1326,  # plane_near
-    -0.5751,  # plane_far
-    -0.2423,  # given_far
-    -0.1864,  # smooth_given
-    0.2944,  # smooth_ungiven
-    1.6072,  # fine_near
+    -0.7505,  # bias
+    2.5578,  # vote
+    1.3587,  # around
+    2.1154,  # plane_near
+    -0.5873,  # plane_far
+    -0.2540,  # given_far
+    -0.1785,  # smooth_given
+    0.2953,  # smooth_ungiven
+    1.5895,  # fine_near
     0.0000,  # coarse_far
     0.0000,  # uniqueness
-    -0.7200,  # bend
+    -0.7144,  # bend
     0.0000,  # transparent
-    -1.0267,  # unseen
-    1.3303,  # hole
-    -0.2175,  # hole_vote
-    -1.3028,  # hole_plane
-    0.6116,  # hole_behind
-    0.4835,  # border
-    0.6425,  # border_plane
-    -0.3520,  # border_behind
+    -1.0403,  # unseen
+    1.3216,  # hole
+    -0.1260,  # hole_vote
+    -1.3026,  # hole_plane
+    0.5686,  # hole_behind
+    0.4771,  # border
+    0.7411,  # border_plane
+    -0.3157,  # border_behind
     0.0000,  # uniqueness_around
-    -0.7633,  # disagreement_around
-    0.2257,  # slant
-    -1.0265,  # misfit
+    -0.7505,  # disagreement_around
+    0.2670,  # slant
+    -1.0641,  # misfit
 )
