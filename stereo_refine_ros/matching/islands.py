@@ -22,6 +22,7 @@ import numpy as np
 from stereo_refine_ros.graph.disjoint_set import find, union
 from stereo_refine_ros.matching.scratch import scratch
 from stereo_refine_ros.matching.tuning import ISLANDS
+from stereo_refine_ros.threads import run_bands
 from stereo_refine_ros.types import FloatMap
 
 # Of a pixel; by as many a region's disparity may change from a pixel to the next.
@@ -29,7 +30,7 @@ _EIGHTHS = 8
 _NONE = -(1 << 30)
 
 
-def without_islands(disparity: FloatMap) -> FloatMap:
+def without_islands(disparity: FloatMap, threads: int = 1) -> FloatMap:
     """
     Drop matched regions of like disparity that are smaller than a part in ISLANDS.
 
@@ -37,6 +38,8 @@ def without_islands(disparity: FloatMap) -> FloatMap:
     ----------
     disparity : float32 ndarray of shape (H, W)
         NaN where nothing matched. Neighbours belong together that differ by less than a pixel.
+    threads : int
+        Bands of rows side by side; the result does not depend on it.
 
     Returns
     -------
@@ -47,38 +50,63 @@ def without_islands(disparity: FloatMap) -> FloatMap:
     out = np.empty_like(disparity)
     with scratch(12 * disparity.size) as memory:
         run, size, parent = memory.view(np.int32).reshape(3, height * width)
-        _island_kernel(disparity, run.reshape(height, width), size, parent,
-                       disparity.size // ISLANDS, out)
+        run = run.reshape(height, width)
+        run_bands(_label_kernel, height, threads, disparity, run, size, parent)
+        _unite_kernel(disparity, run, size, parent)
+        run_bands(_keep_kernel, height, threads, disparity, run, size, disparity.size // ISLANDS,
+                  out)
     return out
 
 
 @njit(cache=True, nogil=True)
-def _island_kernel(disparity, run, size, parent, smallest, out):
-    """Join runs of rows that touch; size, parent: one entry a run."""
-    height, width = disparity.shape
+def _label_kernel(start, stop, disparity, run, size, parent):
+    """Join the runs of rows start..stop that touch, numbered from start * W on."""
+    width = disparity.shape[1]
     steps = np.empty((2, width), np.int32)
-    begins = np.empty((2, width), np.uint8)
-    contact = np.empty((2, width), np.uint8)
-    count = 0
-    for y in range(height):
+    begins, contact = np.empty((2, width), np.uint8), np.empty((2, width), np.uint8)
+    count = start * width
+    for y in range(start, stop):
         here, above = steps[y & 1], steps[1 - (y & 1)]
-        begin, begin_above = begins[y & 1], begins[1 - (y & 1)]
-        row = disparity[y]
-        for x in range(width):
-            here[x] = _NONE if np.isnan(row[x]) else np.int32(row[x] * np.float32(_EIGHTHS))
+        _quantise(disparity[y], here)
         first = count
-        count = _runs(here, begin, run[y], size, count)
+        count = _runs(here, begins[y & 1], run[y], size, count)
         for i in range(first, count):
             parent[i] = i
-        if y > 0:
-            _find_contacts(here, above, begin, begin_above, contact[0], contact[1])
+        if y > start:
+            _find_contacts(here, above, begins[y & 1], begins[1 - (y & 1)], contact[0],
+                           contact[1])
             _join(contact[1], run[y], run[y - 1], size, parent)
-    for i in range(count):
-        size[i] = size[find(parent, i)]
+
+
+@njit(cache=True, nogil=True)
+def _unite_kernel(disparity, run, size, parent):
+    """Join across the borders of bands, and give every run the size of its region."""
+    height, width = disparity.shape
+    here, above = np.empty((2, width), np.int32)
+    contact, ones = np.empty((2, width), np.uint8), np.ones(width, np.uint8)
+    for y in range(1, height):
+        if run[y, 0] == y * width:  # the first of a band, or as good
+            _quantise(disparity[y - 1], above)
+            _quantise(disparity[y], here)
+            _find_contacts(here, above, ones, ones, contact[0], contact[1])
+            _join(contact[1], run[y], run[y - 1], size, parent)
     for y in range(height):
+        for i in range(run[y, 0], run[y, width - 1] + 1):
+            size[i] = size[find(parent, i)]
+
+
+@njit(cache=True, nogil=True)
+def _keep_kernel(start, stop, disparity, run, size, smallest, out):
+    for y in range(start, stop):
         row, to, ids = disparity[y], out[y], run[y]
-        for x in range(width):
+        for x in range(row.shape[0]):
             to[x] = row[x] if size[np.uintp(ids[x])] > smallest else np.float32(np.nan)
+
+
+@njit(cache=True, nogil=True)
+def _quantise(row, steps):
+    for x in range(row.shape[0]):
+        steps[x] = _NONE if np.isnan(row[x]) else np.int32(row[x] * np.float32(_EIGHTHS))
 
 
 @njit(cache=True, nogil=True)

@@ -69,7 +69,7 @@ def match_scanline(pair: StereoPair, params: MatchingParams, threads: int = 1) -
     where another fits as well, and in small islands.
     """
     found = scan(pair, params.min_disparity, params.num_disparities, threads)
-    values = without_islands(found.disparity)
+    values = without_islands(found.disparity, threads)
     return Match(DisparityMap(values, params.min_disparity, params.num_disparities), scan=found)
 
 
@@ -103,7 +103,7 @@ def scan(pair: StereoPair, min_disparity: int, num_disparities: int, threads: in
     if num_disparities > FULL_RANGE:
         half = scan(StereoPair(halve(pair.left), halve(pair.right)),
                     *half_range(min_disparity, num_disparities), threads, edge_step)
-        base = windows(without_islands(half.disparity), pair.shape, min_disparity,
+        base = windows(without_islands(half.disparity, threads), pair.shape, min_disparity,
                        num_disparities)
         count = WINDOW
     return scan_windows(pair, min_disparity, count, base, threads, edge_step)

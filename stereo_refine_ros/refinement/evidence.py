@@ -61,7 +61,8 @@ def gather_evidence(pair: StereoPair, match: Match, given: FloatMap, half: HalfM
         return _alone(pair.left if scale == 1 else halve(pair.left), given, scale)
     fine = match.scan or scan(pair, params.min_disparity, params.num_disparities, threads)
     coarse = half.scan
-    values = given if match.scan else to_grid(without_islands(fine.disparity), scale, threads)
+    values = given if match.scan else to_grid(
+        without_islands(fine.disparity, threads), scale, threads)
     if scale == 2:
         return Evidence(half.image, 2, values, coarse.disparity,
                         np.ascontiguousarray(fine.uniqueness[::2, ::2]), coarse.right)

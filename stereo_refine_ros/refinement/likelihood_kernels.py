@@ -185,7 +185,7 @@ def _count_votes(y, reach, maps, fine, inside, image, ring, allowed, weight, kno
     known[:] = 0
     every[:] = 0
     agreeing[:] = 0
-    difference = np.empty(width, np.int16)
+    difference = np.empty(width, np.uint8)
     for i in range(ring.shape[0]):
         v, u = y + reach + ring[i, 0], reach + ring[i, 1]
         there, is_inside = fine[v, u:u + width], inside[v, u:u + width]
@@ -194,8 +194,8 @@ def _count_votes(y, reach, maps, fine, inside, image, ring, allowed, weight, kno
             a = image[c, y + reach, reach:reach + width]
             b = image[c, v, u:u + width]
             for x in range(width):
-                change = np.int16(np.int16(a[x]) - np.int16(b[x]))
-                difference[x] = max(difference[x], max(change, np.int16(-change)))
+                change = np.uint8(max(a[x], b[x]) - min(a[x], b[x]))
+                difference[x] = max(difference[x], change)
         for x in range(width):
             d = np.float32(difference[x]) * np.float32(1 / COLOR_SCALE)
             w = is_inside[x] / (np.float32(1) + d * d)
