@@ -39,7 +39,7 @@ LANES_PER_ITEM = 16
 # Features of a pixel: two gradients and six bytes of censuses.
 PLANES = 8
 
-_I8, _I32, _I64 = (ir.IntType(bits) for bits in (8, 32, 64))
+_I1, _I8, _I32, _I64 = (ir.IntType(bits) for bits in (1, 8, 32, 64))
 _Index = types.intp
 
 
@@ -50,44 +50,42 @@ class _Vectors:
         self.context, self.builder, self.signature, self.args = context, builder, signature, args
         self.width = signature.args[0].count * LANES_PER_ITEM
         self.bytes = ir.VectorType(_I8, self.width)
+        self.places = ir.VectorType(_I32, self.width)
 
     def array(self, position: int) -> Any:
-        kind = self.signature.args[position]
-        return self.context.make_array(kind)(
-            self.context, self.builder, self.args[position]).data
+        kind = self.context.make_array(self.signature.args[position])
+        return kind(self.context, self.builder, self.args[position]).data
 
     def opaque(self, value: Any) -> Any:
         """Hide from LLVM where a value comes from, where what it makes of that costs time."""
-        kind = ir.FunctionType(value.type, [value.type])
-        return self.builder.asm(kind, '', '=r,0', [value], False)
+        return self.builder.asm(
+            ir.FunctionType(value.type, [value.type]), '', '=r,0', [value], False)
 
     def planes(self, position: int, size: Any, index: Any) -> list[Any]:
         """Point to one entry of every plane, by sums that x86 makes while it loads."""
         build = self.builder
         first = self.opaque(build.gep(self.array(position), [index]))
         fourth = build.gep(first, [build.mul(size, self.index(3))])
-        return [build.gep(fourth if k in (3, 5, 7) else first,
-                          [build.mul(size, self.index(k - 3 if k in (3, 5, 7) else k))])
-                for k in range(PLANES)]
+        ways = [(fourth, k - 3) if k in (3, 5, 7) else (first, k) for k in range(PLANES)]
+        return [build.gep(base, [build.mul(size, self.index(by))]) for base, by in ways]
 
     def byte(self, position: int) -> Any:
         return self.splat(self.builder.trunc(self.args[position], _I8))
 
     def load(self, pointer: Any, index: Any) -> Any:
-        place = self.builder.bitcast(self.builder.gep(pointer, [index]), self.bytes.as_pointer())
-        return self.builder.load(place, align=1)
+        return self.builder.load(self._place(pointer, index), align=1)
 
     def store(self, vector: Any, pointer: Any, index: Any) -> None:
-        place = self.builder.bitcast(
-            self.builder.gep(pointer, [index]), vector.type.as_pointer())
-        self.builder.store(vector, place, align=1)
+        self.builder.store(vector, self._place(pointer, index), align=1)
+
+    def _place(self, pointer: Any, index: Any) -> Any:
+        return self.builder.bitcast(self.builder.gep(pointer, [index]), self.bytes.as_pointer())
 
     def splat(self, scalar: Any) -> Any:
         kind = ir.VectorType(scalar.type, self.width)
         none = ir.Constant(kind, ir.Undefined)
         first = self.builder.insert_element(none, scalar, ir.Constant(_I32, 0))
-        zeros = ir.Constant(ir.VectorType(_I32, self.width), [0] * self.width)
-        return self.builder.shuffle_vector(first, none, zeros)
+        return self.builder.shuffle_vector(first, none, ir.Constant(self.places, [0] * self.width))
 
     def constant(self, value: int) -> Any:
         return ir.Constant(self.bytes, [value] * self.width)
@@ -96,9 +94,8 @@ class _Vectors:
         return ir.Constant(_I64, value)
 
     def call(self, name: str, result: Any, *args: Any) -> Any:
-        module = self.builder.module
-        function = module.globals.get(name) or ir.Function(
-            module, ir.FunctionType(result, [arg.type for arg in args]), name)
+        module, kind = self.builder.module, ir.FunctionType(result, [arg.type for arg in args])
+        function = module.globals.get(name) or ir.Function(module, kind, name)
         return self.builder.call(function, list(args))
 
     def _pairwise(self, name: str, a: Any, b: Any) -> Any:
@@ -126,9 +123,8 @@ class _Vectors:
         """Move the lanes by one, 255 moving in."""
         count = self.width
         order = [(lane - by) % count for lane in range(count)]
-        turned = self.builder.shuffle_vector(
-            a, ir.Constant(self.bytes, ir.Undefined),
-            ir.Constant(ir.VectorType(_I32, count), order))
+        none, order = ir.Constant(a.type, ir.Undefined), ir.Constant(self.places, order)
+        turned = self.builder.shuffle_vector(a, none, order)
         wall = [0] * count
         wall[0 if by > 0 else -1] = 255
         return self.builder.or_(turned, ir.Constant(self.bytes, wall))
@@ -137,8 +133,8 @@ class _Vectors:
         """Load P1 and P2 of an axis (0: rows, 1: columns) by the flag of a step."""
         build = self.builder
         flag = build.zext(build.load(build.gep(self.array(flags), [self.args[at]])), _I64)
-        small = build.add(build.mul(flag, self.index(2 * self.width)),
-                          self.index(4 * self.width * axis))
+        small = build.mul(flag, self.index(2 * self.width))
+        small = build.add(small, self.index(4 * self.width * axis))
         large = build.add(small, self.index(self.width))
         return self.load(self.array(table), small), self.load(self.array(table), large)
 
@@ -149,32 +145,30 @@ class _Vectors:
         after = self.add(cost, best)
         return self.builder.sub(after, self.splat(self.opaque(self.least(after))))
 
+    def resized(self, number: Any, bits: int) -> Any:
+        by = bits - number.type.width
+        change = self.builder.zext if by > 0 else self.builder.trunc
+        return change(number, ir.IntType(bits)) if by else number
+
     def near(self, lane: Any) -> Any:
         """Mark the lanes that are at most 2 from one (int64)."""
         build = self.builder
         kind = ir.IntType(self.width)
-        place = lane if self.width == 64 else (
-            build.zext(lane, kind) if self.width > 64 else build.trunc(lane, kind))
-        here = build.shl(ir.Constant(kind, 1), place)
+        here = build.shl(ir.Constant(kind, 1), self.resized(lane, self.width))
         marks = here
-        for step in (1, 2):
-            by = ir.Constant(kind, step)
+        for by in (ir.Constant(kind, 1), ir.Constant(kind, 2)):
             marks = build.or_(marks, build.or_(build.shl(here, by), build.lshr(here, by)))
-        return build.bitcast(marks, ir.VectorType(ir.IntType(1), self.width))
+        return build.bitcast(marks, ir.VectorType(_I1, self.width))
 
     def first_equal(self, a: Any, value: Any) -> Any:
         """Return the first lane that holds a value, as int64."""
         build = self.builder
         same = build.icmp_unsigned('==', a, self.splat(value))
         mask = build.bitcast(same, ir.IntType(self.width))
-        name = f'llvm.cttz.i{self.width}'
-        module = build.module
-        kind = ir.FunctionType(mask.type, [mask.type, ir.IntType(1)])
-        function = module.globals.get(name) or ir.Function(module, kind, name)
-        place = build.call(function, [mask, ir.Constant(ir.IntType(1), 1)])
-        if self.width < 64:
-            return build.zext(place, _I64)
-        return place if self.width == 64 else build.trunc(place, _I64)
+        place = self.call(f'llvm.cttz.i{self.width}', mask.type, mask, ir.Constant(_I1, 1))
+        return self.resized(place, 64)
+
+
 @intrinsic  # noqa: E302
 def match_column(typing, lanes, left, right, size, mask, outside, slope_limit, census_limit, at,
                  partner, seat, cost, to, column, begin, end, table, flags, flag_at, kept,
@@ -194,8 +188,8 @@ def match_column(typing, lanes, left, right, size, mask, outside, slope_limit, c
         v = _Vectors(context, builder, signature, args)
         fresh = _cost(v, builder, args)
         v.store(fresh, v.array(11), args[12])
-        values = _advance_column(v, v.array(13), args[14], args[15],
-                                 v.penalties(16, 1, 17, 18), fresh)
+        penalties = v.penalties(16, 1, 17, 18)
+        values = _advance_column(v, v.array(13), args[14], args[15], penalties, fresh)
         v.store(values, v.array(19), args[20])
         return context.get_dummy_value()
     return signature, generate
@@ -277,12 +271,12 @@ def step_last(typing, lanes, row, begin, end, table, flags, flag_at, cost, at, t
         lane = v.first_equal(total, v.least(total))
         second = v.least(builder.select(v.near(lane), v.constant(255), total))
         before = builder.gep(sums, [builder.add(args[10], builder.sub(lane, v.index(1)))])
-        around = builder.load(builder.bitcast(before, _I32.as_pointer()), align=1)
-        around = builder.and_(around, ir.Constant(_I32, 0xFFFFFF))
+        four = builder.load(builder.bitcast(before, _I32.as_pointer()), align=1)
+        around = builder.and_(four, ir.Constant(_I32, 0xFFFFFF))
         paid = builder.load(builder.gep(cost, [builder.add(args[8], lane)]))
         found = lane
         for part, bits in ((second, 16), (paid, 24), (around, 32)):
-            found = builder.or_(found, builder.shl(builder.zext(part, _I64), v.index(bits)))
+            found = builder.or_(found, builder.shl(v.resized(part, 64), v.index(bits)))
         return found
     return signature, generate
 
