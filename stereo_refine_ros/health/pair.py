@@ -24,6 +24,7 @@ import threading
 import numpy as np
 
 from stereo_refine_ros.health.clearing import clear_pair
+from stereo_refine_ros.health.exposure import even_exposure
 from stereo_refine_ros.health.external import given_agreement
 from stereo_refine_ros.health.long_look import LongLook
 from stereo_refine_ros.health.tuning import LOOK_EVERY_PAIRS
@@ -45,7 +46,7 @@ class Prepared:
     Attributes
     ----------
     pair : StereoPair
-        Its row offset undone; grey and clearer where noise was heavy.
+        Its row offset undone, its exposures made alike; grey and clearer where noise was heavy.
     offset : RowOffset
         That was found.
     views : PairHealth
@@ -92,14 +93,14 @@ class PairExaminer:
             self._long_look = other._long_look
 
     def prepare(self, pair: StereoPair, threads: int) -> Prepared:
-        """Undo the row offset of a pair, and clear it of noise; say what was found."""
+        """Undo row offset, unlike exposures and noise of a pair; say what was found."""
         if pair.right is None:
             return Prepared(pair, RowOffset(), PairHealth())
         (offset, views), is_due = self._known(pair)
         as_it_came = pair if is_due else None
         if self._params.rectification.correct and not offset.is_zero:
             pair = pair.with_right(undo_row_offset(pair.right, offset, threads))
-        pair = clear_pair(pair, views)
+        pair = clear_pair(even_exposure(pair), views)
         return Prepared(pair, offset, views, start(threads, self._see, pair, as_it_came))
 
     def _known(self, pair: StereoPair) -> tuple[Measured, bool]:

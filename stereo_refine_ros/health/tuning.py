@@ -57,3 +57,6 @@ CLEAR_NOISE = 0.06
 CLEAR_BLUR_PX = 0.7
 # ... and stretched to a contrast of so many grey levels, by at most a factor of so much.
 CLEAR_CONTRAST, CLEAR_GAIN = 40.0, 8.0
+# Exposure, ratio of the contrasts of both views in one channel: from the first on the right view
+# is made like the left one, from the second on the two are not of one scene.
+EXPOSURES = 1.12, 2.5
