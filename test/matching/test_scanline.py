@@ -21,6 +21,7 @@ import scanline_reference as slow
 
 from stereo_refine_ros.images import to_grey
 from stereo_refine_ros.matching.scanline import match_scanline, scan
+from stereo_refine_ros.matching.scanline_winners import WIDEST
 from stereo_refine_ros.matching.scratch import scratch
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.types import StereoPair
@@ -142,3 +143,9 @@ def test_a_match_is_the_scan_without_what_anything_fits():
 def test_one_view_is_refused():
     with pytest.raises(ValueError, match='right image'):
         scan(StereoPair(np.zeros((4, 4), np.uint8), None), 0, 4)
+
+
+def test_views_wider_than_a_claim_can_tell_are_refused():
+    wide = np.zeros((1, WIDEST + 1), np.uint8)
+    with pytest.raises(ValueError, match=f'at most {WIDEST} pixels wide, not {WIDEST + 1}'):
+        scan(StereoPair(wide, wide), 0, 4)
