@@ -95,13 +95,6 @@ def test_the_row_offset_is_undone(pair, low_pair):
         np.testing.assert_array_equal(again.right, found.right)
 
 
-def test_unlike_exposures_are_made_alike_and_still_told(pair):
-    darker = StereoPair(pair.left, np.rint(pair.right * 0.7).astype(np.uint8))
-    prepared = examiner().prepare(darker, 1)
-    assert error(prepared.pair.right, pair.right) < 2
-    assert prepared.views.gain_ratio == pytest.approx(0.7, abs=0.02)
-
-
 def test_grey_views_are_put_right_as_well(low_pair):
     grey = StereoPair(*(cv2.cvtColor(view, cv2.COLOR_BGR2GRAY)
                         for view in (low_pair.left, low_pair.right)))

@@ -19,7 +19,9 @@ import numpy as np
 import pytest
 
 from stereo_refine_ros.health.exposure import even_exposure
+from stereo_refine_ros.health.pair import PairExaminer
 from stereo_refine_ros.health.tuning import EXPOSURES
+from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.types import StereoPair
 
 SHAPE = (90, 120, 3)
@@ -61,3 +63,11 @@ def test_views_that_are_alike_or_of_no_one_scene_stay_the_same_object(gain):
 def test_a_plain_view_stays(level):
     pair = StereoPair(scene(), np.full(SHAPE, level, np.uint8))
     assert even_exposure(pair) is pair
+
+
+def test_the_examiner_makes_exposures_alike_and_still_tells_of_them():
+    left = scene()
+    examiner = PairExaminer(load_preset('accurate', {'matching.num_disparities': 16}))
+    prepared = examiner.prepare(StereoPair(left, with_levels(left, 0.7)), 1)
+    assert np.abs(prepared.pair.right.astype(int) - left).mean() < 1.5
+    assert prepared.views.gain_ratio == pytest.approx(0.7, abs=0.02)
