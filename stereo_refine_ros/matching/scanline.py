@@ -23,8 +23,7 @@ from stereo_refine_ros.images import halve
 from stereo_refine_ros.matching.features import feature_planes, flat_steps
 from stereo_refine_ros.matching.islands import without_islands
 from stereo_refine_ros.matching.match import Match, Scan
-from stereo_refine_ros.matching.scanline_paths import (
-    band_kernel, STRIP, totals_size, work_size)
+from stereo_refine_ros.matching.scanline_paths import band_kernel, STRIP, work_size
 from stereo_refine_ros.matching.scanline_winners import WIDEST
 from stereo_refine_ros.matching.scratch import scratch
 from stereo_refine_ros.matching.tuning import (
@@ -123,7 +122,6 @@ def scan_windows(pair: StereoPair, min_disparity: int, num_disparities: int,
     outside[margin:margin + width] = 0
     out = tuple(np.empty((height, width), np.float32) for _ in range(3))
     working = work_size(width, lanes, base.shape[0] > 1)
-    totals = totals_size(width, lanes)
     with scratch(PLANES * size) as left, scratch(PLANES * size) as right:
         right_task = start(threads, feature_planes, pair.right_grey, True, margin, right)
         feature_planes(pair.left_grey, False, margin, left)
@@ -134,9 +132,9 @@ def scan_windows(pair: StereoPair, min_disparity: int, num_disparities: int,
                  num_disparities - 1))
 
         def match_band(band: int, _: int) -> None:
-            with scratch(working) as work, scratch(totals) as sums:
+            with scratch(working) as work:
                 band_kernel(band * _BAND_ROWS, min((band + 1) * _BAND_ROWS, height), *args,
-                            (work, sums), out)
+                            work, out)
         count = -(-height // _BAND_ROWS)
         run_parts(match_band, count, count, threads)
     return Scan(*out)

@@ -35,8 +35,9 @@ from __future__ import annotations
 from numba import config, njit
 import numpy as np
 
-from stereo_refine_ros.matching.scanline_rows import match_row, plan_column, plan_rows
+from stereo_refine_ros.matching.scanline_rows import match_row, plan_column, plan_rows, plan_still
 from stereo_refine_ros.matching.scanline_winners import finish_row
+from stereo_refine_ros.matching.scratch import LINE
 
 if config.DISABLE_JIT:
     from stereo_refine_ros.matching.vector_twins import (
@@ -50,18 +51,12 @@ ABREAST = 4
 STRIP = 48
 RUN_UP = 12
 _RING = STRIP + RUN_UP
-_LINE = 64  # bytes of a cache line: a vector that lies across two costs twice
 
 
 def work_size(width: int, lane_count: int, has_windows: bool) -> int:
-    """Return how many bytes `band_kernel` works in, its totals aside."""
-    return (2 * width * _column_layout(lane_count, has_windows)[2] + _LINE
-            + (1 + STRIP + _RING) * width * lane_count)
-
-
-def totals_size(width: int, lane_count: int) -> int:
-    """Return how many bytes the totals of `band_kernel` take, with a line before and behind."""
-    return ABREAST * width * lane_count + 2 * _LINE
+    """Return how many bytes `band_kernel` works in."""
+    states = _states_layout(width, lane_count, has_windows)
+    return states[-1] + (ABREAST + 1 + STRIP + _RING) * width * lane_count + 3 * LINE
 
 
 @njit(cache=True, nogil=True)
@@ -75,9 +70,17 @@ def _column_layout(lane_count, has_windows):
 @njit(cache=True, nogil=True)
 def _row_layout(lane_count):
     """Return where a row's state begins, how far behind its neighbours lie, and its size."""
-    begin = (lane_count + 2 + _LINE - 1) // _LINE * _LINE
-    offset = (begin + 2 * lane_count + 2 + _LINE - 1) // _LINE * _LINE
+    begin = (lane_count + 2 + LINE - 1) // LINE * LINE
+    offset = (begin + 2 * lane_count + 2 + LINE - 1) // LINE * LINE
     return begin, offset, 2 * offset
+
+
+@njit(cache=True, nogil=True)
+def _states_layout(width, lane_count, has_windows):
+    """Return where the states of the rows and of both paths along columns end."""
+    rows = 2 * ABREAST * _row_layout(lane_count)[2]
+    column = width * _column_layout(lane_count, has_windows)[2]
+    return rows, rows + column, rows + 2 * column
 
 
 @njit(cache=True, nogil=True)
@@ -92,7 +95,7 @@ def band_kernel(start, stop, lanes, views, base, flat, settings, work, out):
     base : int32 (H, width) or (1, 1): first disparity of every pixel's window
     flat : two uint8 (H * width,): 1 where the step from the left, from above crosses no edge
     settings : (limits, table of penalties, min_disparity, margin, last lane of the range)
-    work : uint8 (work_size,) and (totals_size,), overwritten, each on a multiple of 64 bytes
+    work : uint8 (work_size,), as `scratch` lends it, overwritten
     out : disparity, uniqueness, right view's disparity, float32 (H, width), NaN where there is
         none
     """
@@ -101,19 +104,19 @@ def band_kernel(start, stop, lanes, views, base, flat, settings, work, out):
     layout = _column_layout(lane_count, base.shape[0] > 1)
     shift_limit, before, stride = layout
     row_layout = _row_layout(lane_count)
-    states = width * stride
     row = width * lane_count
-    arena, total = work
-    arena[:2 * states] = 255
-    column, up = arena[:states], arena[states:2 * states]
-    arena = arena[(2 * states + _LINE - 1) // _LINE * _LINE:]
+    rows_end, column_end, states_end = _states_layout(width, lane_count, base.shape[0] > 1)
+    work[:states_end] = 255
+    rows, column, up = work[:rows_end], work[rows_end:column_end], work[column_end:states_end]
+    arena = work[(states_end + LINE - 1) // LINE * LINE:]
     spare, kept = arena[:row], arena[row:(1 + STRIP) * row]
     cost = arena[(1 + STRIP) * row:(1 + STRIP + _RING) * row]
-    rows = np.full(2 * ABREAST * row_layout[2] + _LINE, 255, np.uint8)
-    rows = rows[-rows.ctypes.data % _LINE:]
+    total = arena[(1 + STRIP + _RING) * row:]  # with a line before and behind: winners look there
     plan = np.empty((ABREAST, 3, width), np.int32)
     found = np.empty((ABREAST, width), np.int64)
     scratch = np.empty((4, width + 1), np.int32)
+    for k in range(ABREAST):
+        plan_still(row_layout[0], before, stride, plan[k])
     first = max(0, start - RUN_UP)
     _reset_column(column, width, before, stride, lane_count)
     for y in range(first, start):
@@ -206,7 +209,7 @@ def _ahead(lanes, y, count, rows, row_layout, column, before, stride, table, fla
                 lanes, rows, here + np.int64(plan[k, 0, x]), there + begin, column,
                 np.int64(plan[k, 2, x]), before + x * stride, table, alongs, downs,
                 (y + k) * width + x, cost, (y + k) % _RING * row + x * lane_count, total,
-                _LINE + k * row + x * lane_count, offset)
+                LINE + k * row + x * lane_count, offset)
 
 
 @njit(cache=True, nogil=True)
@@ -226,5 +229,5 @@ def _back(lanes, y, count, rows, row_layout, table, flat, cost, total, kept, kep
             found[k, x] = step_last(
                 lanes, rows, here + np.int64(plan[k, 1, x]), there + begin, table, alongs,
                 (y + k) * width + neighbour, cost, (y + k) % _RING * row + x * lane_count, total,
-                _LINE + k * row + x * lane_count, kept, kept_at + k * row + x * lane_count,
+                LINE + k * row + x * lane_count, kept, kept_at + k * row + x * lane_count,
                 offset)

@@ -47,10 +47,21 @@ def match_row(y, edge, lanes, views, base, flat, settings, cost, to, column, bef
 
 
 @njit(cache=True, nogil=True)
-def plan_rows(y, base, shift_limit, begin, plan):
-    """Lay out where the paths along a row read (0: from the left, 1: from the right)."""
-    width = plan.shape[1]
+def plan_still(begin, before, stride, plan):
+    """
+    Lay out where the paths read that go on in the same window.
+
+    plan : int32 (3, width): from the left, from the right, along the column
+    """
     plan[:2] = begin
+    for x in range(plan.shape[1]):
+        plan[2, x] = before + x * stride
+
+
+@njit(cache=True, nogil=True)
+def plan_rows(y, base, shift_limit, begin, plan):
+    """Shift where the paths along a row read by the steps of its windows."""
+    width = plan.shape[1]
     if base.shape[0] > 1:
         for x in range(1, width):
             plan[0, x] = begin + min(max(base[y, x] - base[y, x - 1], -shift_limit), shift_limit)
@@ -60,9 +71,8 @@ def plan_rows(y, base, shift_limit, begin, plan):
 
 @njit(cache=True, nogil=True)
 def plan_column(y, neighbour, base, before, stride, shift_limit, plan):
-    """Lay out where the path along the columns reads (2)."""
-    for x in range(plan.shape[1]):
-        plan[2, x] = before + x * stride
+    """Shift where the path along the columns reads by the steps from a neighbour's windows."""
     if base.shape[0] > 1:
         for x in range(plan.shape[1]):
-            plan[2, x] += min(max(base[y, x] - base[neighbour, x], -shift_limit), shift_limit)
+            shift = min(max(base[y, x] - base[neighbour, x], -shift_limit), shift_limit)
+            plan[2, x] = before + x * stride + shift

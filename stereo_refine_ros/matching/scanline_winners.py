@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The winners of a row: sub-pixel offsets, uniqueness, and the check of both views."""
+"""
+The winners of a row: sub-pixel offsets, uniqueness, and the check of both views.
+
+What was found of a pixel is read in several plain loops of 32-bit numbers, which fill vectors.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +25,8 @@ import numpy as np
 
 from stereo_refine_ros.matching.tuning import COST_WEIGHT, UNIQUENESS_UNIT
 
-WIDEST = (1 << 20) - 1
-_COLUMN_BITS = np.int32(20)
+_COLUMN_BITS = 20  # of a claim; above them what is paid
+WIDEST = (1 << _COLUMN_BITS) - 1
 _NOBODY = np.int32((1 << 31) - 1)
 _UNIT = np.float32(UNIQUENESS_UNIT)
 _MOST_UNIQUE = np.float32(2)
@@ -99,5 +103,5 @@ def _claim(found, winner, claim, partner):
         partner[x] = there if (there >= 0) & (there < width) else width
     for x in range(found.shape[0]):
         paid, best = np.int32(found[x] >> 24) & byte, np.int32(found[x] >> 40) & byte
-        pays = best + np.int32(COST_WEIGHT) * paid  # at most 255 + 20 * 34
-        claim[x] = (pays << _COLUMN_BITS) | np.int32(x)
+        pays = best + np.int32(COST_WEIGHT) * paid  # below 2^11, since a cost is at most 34
+        claim[x] = (pays << np.int32(_COLUMN_BITS)) | np.int32(x)

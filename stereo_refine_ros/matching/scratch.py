@@ -27,8 +27,8 @@ import threading
 import numpy as np
 from numpy.typing import NDArray
 
+LINE = 64  # bytes of a cache line: a vector that lies across two costs twice
 _MOST_IDLE = 12
-_LINE = 64  # bytes of a cache line
 _idle: list[NDArray[np.uint8]] = []
 _lock = threading.Lock()
 
@@ -54,6 +54,6 @@ def _take(size: int) -> NDArray[np.uint8]:
         for i in reversed(range(len(_idle))):
             if _idle[i].size == size:
                 return _idle.pop(i)
-    array = np.empty(size + _LINE, np.uint8)
-    first = -array.ctypes.data % _LINE
+    array = np.empty(size + LINE, np.uint8)
+    first = -array.ctypes.data % LINE
     return array[first:first + size]

@@ -84,8 +84,9 @@ FULL_RANGE, WINDOW, WINDOW_MARGIN = 256, 32, 3
 ISLANDS = 3500
 # Scanline: of left pixels that claim one right pixel, the one with the least total of the paths,
 # each less its own least, plus so many times its cost, keeps it. 8, 16, 32, 1000 instead, own map
-# of `live` refined, bad-1 % (KITTI bad-3): lab 7.04, 6.99, 6.97, 6.93; KITTI 3.41, 3.35, 3.48,
-# 3.58; ETH3D 5.23, 5.26, 5.32, 5.33; Middlebury 13.18, 12.88, 12.50, 12.42.
+# of `live`, before the likelihood was fitted to it, bad-1 % (KITTI bad-3): lab 7.04, 6.99, 6.97,
+# 6.93; KITTI 3.41, 3.35, 3.48, 3.58; ETH3D 5.23, 5.26, 5.32, 5.33; Middlebury 13.18, 12.88, 12.50,
+# 12.42.
 COST_WEIGHT = 20
 # Scanline, units of cost summed over the paths: what `uniqueness` counts as one.
 UNIQUENESS_UNIT = 100.0
