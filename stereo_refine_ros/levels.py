@@ -87,11 +87,13 @@ class Choice:
     Attributes
     ----------
     given, values : float32 ndarray of shape (H, W)
-        What was given there, and what was chosen.
+        What was given there, and what stands there now.
     is_moved : bool ndarray of shape (H, W)
         Where that is another.
     is_literal : bool
         Whether holes that were not moved stay holes, and all that was moved moves.
+    rounding : float
+        By how many pixels what was given had been rounded: what stands takes `values` within it.
 
     """
 
@@ -99,6 +101,20 @@ class Choice:
     values: FloatMap
     is_moved: NDArray[np.bool_]
     is_literal: bool = False
+    rounding: float = 0.0
+
+
+def unround(rounded: FloatMap, finer: FloatMap, rounding: float, where: NDArray[np.bool_],
+            ) -> FloatMap:  # noqa: E124
+    """
+    Put right by a finer map what was rounded.
+
+    A whole disparity stands for all that round to it: among them it becomes the one nearest to
+    `finer`, where that is no further than the next whole disparity.
+    """
+    is_near = where & (np.abs(finer - rounded) <= 2 * rounding)
+    within = np.clip(finer, rounded - rounding, rounded + rounding)
+    return np.where(is_near, within, rounded).astype(np.float32, copy=False)
 
 
 def at_full_size(choice: Choice, given: FloatMap, left: Image, grid_left: Image,
@@ -107,7 +123,7 @@ def at_full_size(choice: Choice, given: FloatMap, left: Image, grid_left: Image,
     Bring what was chosen on the grid to full size.
 
     A given pixel that stood, or that lies on another surface than the one that was moved, keeps
-    its disparity. Elsewhere the grid's map is interpolated, at its steps by likeness of colour.
+    its disparity, or what it was rounded from. Elsewhere the grid's map is interpolated, at its steps by likeness of colour.
 
     Returns
     -------
@@ -115,14 +131,14 @@ def at_full_size(choice: Choice, given: FloatMap, left: Image, grid_left: Image,
 
     """
     if scale == 1:
-        return np.where(choice.is_moved | np.isnan(given), choice.values, given)
+        return choice.values.copy()
     height, width = given.shape
     channels = 1 if left.ndim == 2 else 3
     out = np.empty_like(given)
     run_bands(_restore_kernel, height, threads, choice.given, choice.values, choice.is_moved,
               np.ascontiguousarray(given), left.reshape(height, width, channels),
               grid_left.reshape(*choice.values.shape, channels), choice.is_literal,
-              np.float32(SMOOTH_STEP), out)
+              np.float32(SMOOTH_STEP), np.float32(choice.rounding), out)
     return out
 
 
@@ -162,7 +178,7 @@ def _mean(a, b, c, d):
 
 @njit(cache=True, nogil=True)
 def _restore_kernel(start, stop, grid_given, grid, is_moved, given, left, grid_left, is_literal,
-                    smooth, out):
+                    smooth, rounding, out):
     height, width = grid.shape
     blend, most, least = np.empty((3, width + 2), np.float32)
     between, span = np.empty((2, 2 * width), np.float32)
@@ -182,9 +198,12 @@ def _restore_kernel(start, stop, grid_given, grid, is_moved, given, left, grid_l
                 stands = not np.isnan(value) and (
                     not moved[gx] or abs(value - chosen[gx]) <= 1
                     or not abs(value - before[gx]) <= 1)
-            if stands:
+            is_smooth = span[x] <= smooth
+            if stands and rounding > 0 and is_smooth and abs(between[x] - value) <= 2 * rounding:
+                to[x] = min(max(between[x], value - rounding), value + rounding)
+            elif stands:
                 to[x] = value
-            elif span[x] <= smooth:
+            elif is_smooth:
                 to[x] = between[x]
             else:
                 to[x] = _most_alike(y, x, above, below, grid, left, grid_left)

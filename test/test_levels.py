@@ -19,19 +19,19 @@ import pytest
 
 from stereo_refine_ros import levels
 from stereo_refine_ros.levels import (
-    at_full_size, Choice, grid_scale, halve_pair, repeated, segments_at_full_size, to_grid)
+    at_full_size, Choice, grid_scale, halve_pair, repeated, segments_at_full_size, to_grid, unround)
 from stereo_refine_ros.types import PlaneSegmentation, StereoPair
 
 N = np.nan
 
 
 def full_size(chosen, given, left=None, grid_left=None, grid_given=None, is_moved=True,
-              is_literal=False, threads=1):
+              is_literal=False, rounding=0.0, threads=1):
     """Bring a half-size map to full size; all of it is moved and of one colour, if not said."""
     chosen, given = np.float32(chosen), np.float32(given)
     choice = Choice(
         np.full_like(chosen, N) if grid_given is None else np.float32(grid_given), chosen,
-        np.broadcast_to(is_moved, chosen.shape).copy(), is_literal)
+        np.broadcast_to(is_moved, chosen.shape).copy(), is_literal, rounding)
     left = np.zeros(given.shape, np.uint8) if left is None else left
     grid_left = np.zeros(chosen.shape, np.uint8) if grid_left is None else grid_left
     return at_full_size(choice, given, left, grid_left, 2, threads)
@@ -89,11 +89,33 @@ def test_planes_at_full_size_are_those_of_the_grid():
     assert segments_at_full_size(segments, (2, 3), 1) is segments
 
 
-def test_at_full_resolution_what_moved_and_holes_take_the_choice():
+def test_where_the_grid_is_the_image_its_values_are_the_map():
     given = np.float32([[1, 2, N]])
-    choice = Choice(given, np.float32([[5, 6, 7]]), np.array([[True, False, False]]))
+    choice = Choice(given, np.float32([[5, 2, 7]]), np.array([[True, False, False]]))
     image = np.zeros((1, 3), np.uint8)
-    np.testing.assert_array_equal(at_full_size(choice, given, image, image, 1), [[5, 2, 7]])
+    out = at_full_size(choice, given, image, image, 1)
+    np.testing.assert_array_equal(out, [[5, 2, 7]])
+    assert not np.shares_memory(out, choice.values)
+
+
+def test_what_was_rounded_goes_towards_a_finer_map_within_its_rounding():
+    rounded = np.float32([[8, 8, 8, 8, 8, 8]])
+    finer = np.float32([[8.25, 7.25, 9.0, 9.25, N, 8.25]])
+    where = np.array([[True, True, True, True, True, False]])
+    found = unround(rounded, finer, 0.5, where)
+    np.testing.assert_array_equal(found, np.float32([[8.25, 7.5, 8.5, 8, 8, 8]]))
+    assert found.dtype == np.float32
+
+
+def test_what_stands_at_full_size_takes_the_grid_within_its_rounding():
+    given = np.float32([[8, 8, 9, 9, 9, 9], [8, 8, 9, 9, 9, 30]])
+    slanted = np.float32([[8.0, 8.5, 9.0]])  # between: 8, 8.125, 8.375, 8.625, 8.875, 9
+    out = full_size(slanted, given, grid_given=[[8, 9, 9]], is_moved=False, rounding=0.5)
+    expected = [[8, 8.125, 8.5, 8.625, 8.875, 9], [8, 8.125, 8.5, 8.625, 8.875, 30]]
+    np.testing.assert_array_equal(out, np.float32(expected))
+    far = full_size([[8.0, 30.0, 30.0]], given, grid_given=[[8, 9, 9]], is_moved=False,
+                    rounding=0.5)
+    np.testing.assert_array_equal(far, given)  # no finer map of this surface
 
 
 def test_what_was_given_stays_bit_by_bit_where_its_pixel_did_not_move():

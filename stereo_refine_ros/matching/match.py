@@ -76,6 +76,14 @@ class Match:
         return self.disparity.values if self.subpixel is None else self.subpixel
 
     @property
+    def rounding(self) -> float:
+        """Return by how many pixels `disparity` was rounded: 0.5 where it is whole, else 0."""
+        # Row by row: the first one tells of nearly every map that is not whole.
+        is_whole = all(np.array_equal(row, np.rint(row), equal_nan=True)
+                       for row in self.disparity.values)
+        return 0.5 if is_whole else 0.0
+
+    @property
     def lr_consistent_ratio(self) -> float:
         """Share of pixels that passed the left-right check, NaN where nobody made it."""
         if not self.is_own:

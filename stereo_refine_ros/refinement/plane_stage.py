@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_refine_ros.graph.segment_graph import SegmentGraph
-from stereo_refine_ros.levels import Choice
+from stereo_refine_ros.levels import Choice, unround
 from stereo_refine_ros.params import PlaneParams
 from stereo_refine_ros.refinement.candidates import propose
 from stereo_refine_ros.refinement.choice import choose, settle, take
@@ -59,6 +59,8 @@ class PlaneStage:
     evidence : Evidence
     lowest, highest : float
         The range that planes are held in.
+    rounding : float
+        By how many pixels `given` was rounded: 0.5 where its disparities are whole, else 0.
 
     """
 
@@ -68,6 +70,7 @@ class PlaneStage:
     evidence: Evidence
     lowest: float
     highest: float
+    rounding: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +133,11 @@ def project_guarded(stage: PlaneStage, params: PlaneParams, threads: int = 1) ->
     weights = stage.graph.weights
     which = choose(maps, odds, stage.given, weights, threads)
     chosen = settle(take(odds, which, threads), weights, stage.evidence.image, threads)
-    return Projected(Choice(stage.given, take(maps, which, threads), which > 0), chosen, segments)
+    values = take(maps, which, threads)
+    if stage.rounding:
+        is_likely = (which == 0) & (odds[1] >= odds[0])  # the plane
+        values = unround(values, planes.values, stage.rounding, is_likely)
+    return Projected(Choice(stage.given, values, which > 0, rounding=stage.rounding), chosen, segments)
 
 
 def share_planes(stage: PlaneStage, params: PlaneParams, threads: int,

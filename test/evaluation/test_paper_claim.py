@@ -42,8 +42,4 @@ def test_planes_lower_the_error_and_add_no_wrong_pixels(scene):
         assert after['mse'] < before['mse'], combination
         assert after['psnr'] > before['psnr'], combination
         assert after['bad_1_0'] <= before['bad_1_0'] + 0.05, combination
-        # SSIM rises in 21 of 24; on the dense maps of the non-local matcher it may fall a little.
-        assert after['ssim'] > before['ssim'] - 0.002, combination
-    rises = [after['ssim'] > stages['before'][combination]['ssim']
-             for combination, after in stages['after'].items()]
-    assert sum(rises) >= 6
+        assert after['ssim'] > before['ssim'], combination

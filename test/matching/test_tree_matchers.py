@@ -23,9 +23,10 @@ from real_scenes import real_scene_folder
 from stereo_refine_ros.datasets import load_scene
 from stereo_refine_ros.datasets.synthetic import render_scene
 from stereo_refine_ros.matching import compute_match
+from stereo_refine_ros.matching.match import Match
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.quality.disparity_errors import bad_percent
-from stereo_refine_ros.types import StereoPair
+from stereo_refine_ros.types import DisparityMap, StereoPair
 
 METHODS = ('non_local', 'segment_tree')
 # Search range of the evaluation, and what the matcher with refinement has to reach.
@@ -70,6 +71,18 @@ def test_subpixel_is_closer_to_slanted_planes_than_whole_pixels(scene):
     whole = np.abs(np.rint(match.subpixel) - scene.truth)
     inside = error < 1
     assert error[inside].mean() < 0.8 * whole[inside].mean()
+
+
+def test_a_match_says_by_how_much_it_was_rounded(scene):
+    whole = compute_match(scene.pair, params('non_local'))
+    assert whole.rounding == 0.5
+    finer = compute_match(scene.pair, params('non_local', nonlocal_refinement=False))
+    assert finer.rounding == 0
+    values = np.float32([[3, np.nan], [7, 12]])
+    given = Match(DisparityMap(values, 0, 64), is_own=False)
+    assert given.rounding == 0.5
+    values[1, 1] = 12.25
+    assert given.rounding == 0
 
 
 def test_the_check_fails_where_the_right_view_sees_something_else(scene):

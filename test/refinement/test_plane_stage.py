@@ -14,6 +14,8 @@
 
 """The plane stage: every projection on maps whose truth is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import plane_reference
 import pytest
@@ -153,6 +155,18 @@ def test_guarded_fills_every_hole_and_keeps_what_the_matches_confirm():
     assert np.abs(choice.values - truth).max() < 0.51
     assert projected.segments.is_fitted.all()
     np.testing.assert_array_equal(values, before)
+
+
+def test_guarded_puts_right_within_its_rounding_what_was_rounded():
+    truth = render()
+    stage = replace(stage_of(np.rint(truth), truth), rounding=0.5)
+    choice = project_guarded(stage, PARAMS).choice
+    assert choice.rounding == 0.5 and not choice.is_moved.any()
+    assert np.abs(choice.values - stage.given).max() <= 0.5
+    before, after = (np.abs(values - truth) for values in (stage.given, choice.values))
+    assert before.mean() > 0.15 and after.mean() < 0.02
+    literal = project_full(stage, PARAMS).choice
+    assert literal.rounding == 0
 
 
 def test_guarded_moves_what_planes_matches_and_neighbours_refute():
