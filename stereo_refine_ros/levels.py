@@ -123,7 +123,8 @@ def at_full_size(choice: Choice, given: FloatMap, left: Image, grid_left: Image,
     Bring what was chosen on the grid to full size.
 
     A given pixel that stood, or that lies on another surface than the one that was moved, keeps
-    its disparity, or what it was rounded from. Elsewhere the grid's map is interpolated, at its steps by likeness of colour.
+    its disparity, or what it was rounded from. Elsewhere the grid's map is interpolated, at its
+    steps by likeness of colour.
 
     Returns
     -------

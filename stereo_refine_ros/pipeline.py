@@ -97,7 +97,8 @@ class StereoRefiner:
             data = given if match.subpixel is None else to_grid(match.subpixel, scale, threads)
             projected = self._project(PlaneStage(
                 given, data, segments, evidence, lowest,
-                lowest + params.matching.num_disparities - 1, match.rounding), params.planes, threads)
+                lowest + params.matching.num_disparities - 1, match.rounding),
+                params.planes, threads)
             beside = start(threads, _enlarged, projected, prepared.offset, pair.shape, scale,
                            threads)
             values = at_full_size(projected.choice, match.disparity.values, pair.left,

@@ -19,7 +19,8 @@ import pytest
 
 from stereo_refine_ros import levels
 from stereo_refine_ros.levels import (
-    at_full_size, Choice, grid_scale, halve_pair, repeated, segments_at_full_size, to_grid, unround)
+    at_full_size, Choice, grid_scale, halve_pair, repeated, segments_at_full_size, to_grid,
+    unround)
 from stereo_refine_ros.types import PlaneSegmentation, StereoPair
 
 N = np.nan

@@ -137,7 +137,8 @@ def project_guarded(stage: PlaneStage, params: PlaneParams, threads: int = 1) ->
     if stage.rounding:
         is_likely = (which == 0) & (odds[1] >= odds[0])  # the plane
         values = unround(values, planes.values, stage.rounding, is_likely)
-    return Projected(Choice(stage.given, values, which > 0, rounding=stage.rounding), chosen, segments)
+    choice = Choice(stage.given, values, which > 0, rounding=stage.rounding)
+    return Projected(choice, chosen, segments)
 
 
 def share_planes(stage: PlaneStage, params: PlaneParams, threads: int,
