@@ -26,8 +26,8 @@ OLDEST_PIP := $(OLDEST_VENV)/bin/python $(PIP_INSTALL)
 
 # Tests of the kernels: run compiled with all others, and once more as plain Python.
 KERNEL_TESTS := $(wildcard test/graph test/matching test/refinement test/quality)
-# Two processes, a file of tests at a time, in the order of the folders: many tests wait.
-SIDE_BY_SIDE := -n 2 --dist loadfile --no-loadscope-reorder
+# Four processes, a file of tests at a time, in the order of the folders: many tests wait.
+SIDE_BY_SIDE := -n 4 --dist loadfile --no-loadscope-reorder
 # All that needs no ROS.
 CORE_TESTS := $(KERNEL_TESTS) $(wildcard test/evaluation test/datasets test/rectification test/health \
 	test/test_images.py test/test_levels.py $(wildcard test/test_pipeline*.py) test/test_decoding.py test/test_params.py \
