@@ -15,58 +15,26 @@
 """
 `refine_node`: the live node (`ros2 run stereo_refine_ros refine_node`).
 
-Signals are blocked before anything heavy is imported and taken by one thread, so that SIGINT or
-SIGTERM, once or many times, at any stage, ends the process cleanly and without a traceback.
+SIGINT or SIGTERM, once or many times, at any stage, ends the process cleanly and without a
+traceback (`stop.py`).
 """
 
 from __future__ import annotations
 
 import atexit
 import os
-import signal
 import sys
-import threading
-import time
 from typing import Any
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-_LAST_RESORT_S = 1.5  # a process that has not ended by then is ended without more ado
+from stereo_refine_ros.stop import Stop
+
+_LAST_RESORT_S = 1.5
 _WORKER_S = 0.3
-
-
-class Stop:
-    """Wait for a signal in a thread and tell the node's loop."""
-
-    def __init__(self) -> None:
-        """Block the signals in this and every later thread, and start to wait for them."""
-        signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
-        self.requested = threading.Event()
-        self.executor: Any = None
-        self._lock = threading.Lock()
-        self._has_opened = False
-        threading.Thread(target=self._wait, name='signals', daemon=True).start()
-
-    def may_open(self) -> bool:
-        """Whether to go on to what has to be closed again; before, a signal ends at once."""
-        with self._lock:
-            self._has_opened = not self.requested.is_set()
-            return self._has_opened
-
-    def _wait(self) -> None:
-        signal.sigwait(_SIGNALS)
-        with self._lock:
-            self.requested.set()
-            if not self._has_opened:
-                os._exit(0)  # imports may take seconds on a busy machine
-        if self.executor is not None:
-            self.executor.create_task(lambda: None)  # `wake` alone leaves spin_once waiting
-        time.sleep(_LAST_RESORT_S)
-        os._exit(0)
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until a signal comes; return the exit code if it cannot start."""
-    stop = Stop()
+    stop = Stop(_LAST_RESORT_S)
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
@@ -114,7 +82,8 @@ def _spin(node: Any, stop: Stop) -> None:
     from rclpy.executors import SingleThreadedExecutor
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    stop.executor = executor
+    # `wake` alone leaves spin_once waiting.
+    stop.on_request = lambda: executor.create_task(lambda: None)
     while not stop.requested.is_set():
         try:
             executor.spin_once()
@@ -122,7 +91,7 @@ def _spin(node: Any, stop: Stop) -> None:
             node.get_logger().warning(
                 f'message dropped: {type(error).__name__}: {error}', throttle_duration_sec=10)
     executor.shutdown(timeout_sec=0.1)
-    stop.executor = None
+    stop.on_request = None
 
 
 def _leave() -> None:

@@ -19,20 +19,20 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 import os
-import signal
 import sys
+
+from stereo_refine_ros.stop import Stop
+
+_LAST_RESORT_S = 5.0
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run `replay`; return the exit status."""
-    # Until there is something to close, a signal ends the process at once: an exception would be
-    # lost where an import catches it. Hence also no import of weight before.
-    interrupt = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    stop = Stop(_LAST_RESORT_S)
     # The middleware reads its variables when it is loaded.
     _give_images_room()
     import rclpy
-    from rclpy._rclpy_pybind11 import RCLError
-    from rclpy.executors import ExternalShutdownException
+    from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import remove_ros_args
 
     from stereo_refine_ros.replay.options import build_parser
@@ -41,22 +41,20 @@ def main(args: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv if args is None else ['replay', *args])
     options = build_parser().parse_args(remove_ros_args(arguments)[1:])
     fit_to_host(lambda text: print(f'replay: {text}', file=sys.stderr))
-    try:
-        signal.signal(signal.SIGINT, interrupt)
-        rclpy.init(args=arguments)
-        count = _play(options)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    if not stop.may_open():
         return 0
-    except RCLError:
-        if rclpy.ok():
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        stop.on_request = rclpy.try_shutdown  # every wait ends with the context
+        count = 0 if stop.requested.is_set() else _play(options)
+    except Exception as error:
+        if stop.requested.is_set():
+            return 0  # the context ended while something was being made in it
+        if not isinstance(error, (OSError, ValueError)):
             raise
-        return 0  # a signal came while something was being made
-    except (OSError, ValueError) as error:
         print(f'replay: {error}', file=sys.stderr)
         return 1
     finally:
-        # A second SIGINT, as `ros2 launch` sends it, must not break the clean end.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
         rclpy.try_shutdown()
     print(f'replay: published {count} {"messages" if options.bag else "pairs"}')
     return 0
