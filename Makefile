@@ -27,7 +27,7 @@ OLDEST_PIP := $(OLDEST_VENV)/bin/python $(PIP_INSTALL)
 # Tests of the kernels: run compiled with all others, and once more as plain Python.
 KERNEL_TESTS := $(wildcard test/graph test/matching test/refinement test/quality)
 # What asks about sources and texts, not about what they do.
-FORM_TESTS := test/test_ament_lint.py test/test_house.py test/test_docs.py test/test_generated_files.py
+FORM_TESTS := test/test_ament_lint.py test/test_house.py test/test_generated_files.py
 # Four processes, a file of tests at a time, in the order of the folders: many tests wait.
 SIDE_BY_SIDE := -n 4 --dist loadfile --no-loadscope-reorder
 # All that needs no ROS.
