@@ -73,8 +73,9 @@ test-oldest: $(OLDEST_VENV)/.installed
 # Kernels are seen by coverage only as plain Python; the rest runs compiled, in all its processes.
 coverage: $(TEST_STAMP)
 	$(BIN)/python -m coverage erase
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m coverage run -m pytest -q -m 'not compiled' $(KERNEL_TESTS)
-	$(BIN)/python -m coverage run -m pytest -q
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m coverage run -m pytest -q -m 'not compiled' \
+		$(SIDE_BY_SIDE) $(KERNEL_TESTS)
+	$(BIN)/python -m coverage run -m pytest -q $(SIDE_BY_SIDE)
 	$(BIN)/python -m coverage combine -q
 	$(BIN)/python -m coverage report --fail-under=95
 

@@ -97,7 +97,7 @@ def test_refined_is_better_than_preliminary(preset, seed, pixels):
     before, after = (bad_ratio(disparity.values, scene.truth)
                      for disparity in (result.preliminary, result.disparity))
     assert after < (before if preset == 'paper' else before / 2)
-    assert after < (0.06 if pixels == 0 or preset == 'paper' else 0.05)
+    assert after < (0.06 if pixels == 0 else 0.05)
     assert result.disparity.valid_ratio == 1.0
     assert 0.7 < result.lr_consistent_ratio < 1.0
 
