@@ -12,13 +12,34 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Every test run talks to this host only, in a DDS domain of its own."""
+"""Every test run talks to this host only, in a DDS domain of its own; a test that hangs ends."""
 
+import faulthandler
 import os
 
+from _pytest.faulthandler import fault_handler_stderr_fd_key
+import pytest
 from stereo_refine_ros.dds_domain import claim_domain
+
+# Several times what the longest takes beside two busy loops.
+_LIMIT_S = 600.0
 
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 # Workers side by side inherit the domain of the process that started them.
 if 'ROS_DOMAIN_ID' not in os.environ or 'PYTEST_XDIST_WORKER' in os.environ:
     os.environ['ROS_DOMAIN_ID'] = claim_domain()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    """
+    End the process in which a test takes too long, with its traceback.
+
+    Fast DDS was seen to spin for ever while a node closed, which no exception gets out of.
+    """
+    file = item.config.stash.get(fault_handler_stderr_fd_key, 2)
+    faulthandler.dump_traceback_later(_LIMIT_S, exit=True, file=file)
+    try:
+        return (yield)
+    finally:
+        faulthandler.cancel_dump_traceback_later()

@@ -53,8 +53,8 @@ def ended(then, *signals, last_resort_s=30.0, ready='blocked'):
         start = time.monotonic()
         for number in signals:
             process.send_signal(number)
-        rest = process.communicate(timeout=20)[0]
-    return process.returncode, lines + rest.split(), time.monotonic() - start
+        lines += process.stdout.read().split()
+        return process.wait(20), lines, time.monotonic() - start
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
