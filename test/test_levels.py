@@ -65,7 +65,7 @@ def test_both_views_are_halved_where_there_are_two():
 
 
 def test_every_pixel_has_what_its_pixel_of_the_grid_has():
-    values = np.array([[1, 2], [3, 4]])
+    values = np.int32([[1, 2], [3, 4]])
     assert repeated(values, (3, 3), 2).tolist() == [[1, 1, 2], [1, 1, 2], [3, 3, 4]]
     assert repeated(values, (2, 2), 1) is values
 

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from numba import njit
 import numpy as np
 
 from stereo_refine_ros.refinement.filling import fill_from_background
@@ -56,8 +57,15 @@ def propose(given: FloatMap, planes: PlaneMap, evidence: Evidence, threads: int 
     def fill(start: int, stop: int) -> None:
         rows = slice(start, stop)
         maps[0, rows] = background[rows]
-        for to, other in zip(maps[1:, rows], others, strict=True):
-            np.copyto(to, other[rows])
-            np.copyto(to, background[rows], where=np.isnan(to))
+        for to, other in zip(maps[1:], others, strict=True):
+            _fill_kernel(start, stop, other, background, to)
     run_bands(fill, len(given), threads)
     return maps
+
+
+@njit(cache=True, nogil=True)
+def _fill_kernel(start, stop, values, background, out):
+    for y in range(start, stop):
+        for x in range(values.shape[1]):
+            value = values[y, x]
+            out[y, x] = background[y, x] if np.isnan(value) else value

@@ -112,7 +112,7 @@ def misfit_around(fine: FloatMap, planes: FloatMap) -> FloatMap:
     """Average over a window by how much matches are off the plane of their segment, 0..1 px."""
     off = np.minimum(np.abs(fine - planes), 1)
     known = np.isfinite(off).astype(np.float32)
-    total = _mean(np.nan_to_num(off), MISFIT_WINDOW)
+    total = _mean(_filled(off, 0.0), MISFIT_WINDOW)
     return total / np.maximum(_mean(known, MISFIT_WINDOW), np.float32(0.05))
 
 
@@ -136,7 +136,7 @@ def survey(given: FloatMap, evidence: Evidence) -> Survey:
     reach = int(np.abs(RING).max())
     border = reach, reach, reach, reach
     channels = evidence.image.reshape(*given.shape, -1)
-    apart = np.minimum(np.nan_to_num(np.abs(evidence.fine - evidence.coarse), nan=1.0), 2)
+    apart = np.minimum(_filled(np.abs(evidence.fine - evidence.coarse), 1.0), 2)
     return Survey(
         image=np.stack([cv2.copyMakeBorder(np.ascontiguousarray(channels[..., c]), *border,
                                            cv2.BORDER_REPLICATE)
@@ -149,7 +149,7 @@ def survey(given: FloatMap, evidence: Evidence) -> Survey:
         right=_filled(evidence.right),
         local=_local_roughness(given),
         unique_around=_mean(evidence.uniqueness, UNIQUE_WINDOW),
-        disagreement=_mean(apart.astype(np.float32), AROUND_WINDOW))
+        disagreement=_mean(apart, AROUND_WINDOW))
 
 
 def log_odds(maps: FloatMap, given: FloatMap, planes: PlaneMap, evidence: Evidence,
@@ -232,15 +232,17 @@ def _inside(shape: tuple[int, int], reach: int) -> FloatMap:
     return inside
 
 
-def _filled(values: FloatMap) -> FloatMap:
-    return np.where(np.isnan(values), NONE, values)
+def _filled(values: FloatMap, number: float = float(NONE)) -> FloatMap:
+    filled = values.copy()
+    cv2.patchNaNs(filled, number)  # several times faster than numpy's `where` and `nan_to_num`
+    return filled
 
 
 def _local_roughness(given: FloatMap) -> FloatMap:
     """Log of the mean bend of the map around every pixel, about -2.6..2."""
     bend = roughness(given)
     known = np.isfinite(bend).astype(np.float32)
-    total, share = _mean(np.nan_to_num(bend), LOCAL_WINDOW), _mean(known, LOCAL_WINDOW)
+    total, share = _mean(_filled(bend, 0.0), LOCAL_WINDOW), _mean(known, LOCAL_WINDOW)
     return np.log(total / np.maximum(share, np.float32(0.05)) + np.float32(0.01)) + np.float32(2)
 
 
