@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 import os
 import signal
 import threading
@@ -61,8 +62,18 @@ class Stop:
             self._has_opened = not self.requested.is_set()
             return self._has_opened
 
+    def closes(self) -> None:
+        """
+        Let the system end the process if closing takes twice the last resort.
+
+        Fast DDS was seen to spin for ever where a node closes, with the interpreter's lock held:
+        no thread of Python's gets on then.
+        """
+        signal.alarm(math.ceil(2 * self._last_resort_s))
+
     def _wait(self) -> None:
         signal.sigwait(_SIGNALS)
+        self.closes()
         with self._lock:
             self.requested.set()
             if not self._has_opened:

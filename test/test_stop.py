@@ -76,6 +76,13 @@ def test_who_does_not_end_is_ended():
     assert seconds < 10
 
 
+def test_who_closes_for_ever_with_the_interpreters_lock_is_ended_too():
+    held = 'import ctypes' + OPENED.replace('time.sleep({more_s})', 'ctypes.PyDLL(None).sleep(15)')
+    code, lines, seconds = ended(held, signal.SIGINT, last_resort_s=0.5, ready='open')
+    assert code == -signal.SIGALRM and 'closed' not in lines
+    assert seconds < 10
+
+
 def test_what_was_asked_for_first_is_not_opened():
     then = 'stop.requested.set()\nprint(stop.may_open())'
     assert ended(then)[:2] == (0, ['blocked', 'False'])

@@ -55,6 +55,7 @@ def main(args: Sequence[str] | None = None) -> int:
         print(f'replay: {error}', file=sys.stderr)
         return 1
     finally:
+        stop.closes()
         rclpy.try_shutdown()
     print(f'replay: published {count} {"messages" if options.bag else "pairs"}')
     return 0
