@@ -56,20 +56,20 @@ def messages_of(scene, geometry):
         'left/camera_info': left_info, 'right/camera_info': right_info}
 
 
+def figures_of(metrics):
+    return {item.key: float(item.value) for item in metrics.status[0].values}
+
+
 @pytest.mark.parametrize('name', ['cones', 'teddy', 'venus', 'tsukuba'])
 def test_a_scene_over_dds(client, name):
     scene = load_scene(name)
     geometry = scene.geometry or nominal_geometry(*scene.pair.shape)
     assert client.set(matching__num_disparities=scene.num_disparities)[0].successful
     client.connect(messages_of(scene, geometry))
-    # Neither metrics nor disparity wait long for truth and calibration, and a busy machine may
-    # bring those too late.
-    for _ in range(10):
-        message, metrics = client.exchange(
-            messages_of(scene, geometry), ('disparity', 'metrics'), 60.0)
-        figures = {item.key: float(item.value) for item in metrics.status[0].values}
-        if 'mse_refined' in figures and message.f > 0:
-            break
+    message, metrics = client.exchange_until(
+        lambda: messages_of(scene, geometry), ('disparity', 'metrics'),
+        lambda answers: 'mse_refined' in figures_of(answers[1]) and answers[0].f > 0)
+    figures = figures_of(metrics)
 
     params = load_preset('live', {
         'matching.num_disparities': scene.num_disparities, 'output.min_confidence': 0.0,
