@@ -60,7 +60,7 @@ help:
 demo: $(RUN_STAMP)
 	$(BIN)/python -m demo
 
-# The kernels are compiled once, beside the tests that need none, and not by either process.
+# The kernels are compiled once, beside the tests that need none, and not by every process.
 test: $(TEST_STAMP)
 	$(BIN)/python -m stereo_refine_ros.warm_up --preset live > $(VENV)/warm_up.log 2>&1 & \
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -m 'not compiled' $(SIDE_BY_SIDE) \

@@ -21,6 +21,7 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.images import doubled
 from stereo_refine_ros.matching.tuning import WINDOW, WINDOW_MARGIN
 from stereo_refine_ros.types import FloatMap
 
@@ -62,7 +63,7 @@ def windows(half: FloatMap, shape: tuple[int, int], min_disparity: int,
     base = np.empty(half.shape, np.int32)
     _base_kernel(filled, cv2.erode(filled, _AROUND), cv2.dilate(filled, _AROUND), min_disparity,
                  num_disparities - WINDOW, base)
-    return np.repeat(np.repeat(base, 2, axis=0)[:shape[0]], 2, axis=1)[:, :shape[1]]
+    return np.ascontiguousarray(doubled(base, shape))
 
 
 @njit(cache=True, nogil=True)

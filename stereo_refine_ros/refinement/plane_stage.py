@@ -136,7 +136,7 @@ def project_guarded(stage: PlaneStage, params: PlaneParams, threads: int = 1) ->
     values = take(maps, which, threads)
     if stage.rounding:
         is_likely = (which == 0) & (odds[1] >= odds[0])  # the plane
-        values = unround(values, planes.values, stage.rounding, is_likely)
+        values = unround(values, planes.values, stage.rounding, is_likely, threads)
     choice = Choice(stage.given, values, which > 0, rounding=stage.rounding)
     return Projected(choice, chosen, segments)
 

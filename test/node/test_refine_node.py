@@ -70,8 +70,8 @@ def test_metrics_are_those_computed_offline(client, core):
 @pytest.mark.parametrize('comes', ['first', 'last'])
 def test_ground_truth_adds_error_metrics(client, core, comes):
     client.connect(['ground_truth/disparity'])
-    client.until(lambda: 'mse_refined' in values_of(
-        client.exchange(with_truth(good_pair()), ('metrics',))[0]), 30.0, 'a truth taken')
+    client.exchange_until(lambda: with_truth(good_pair()), ('metrics',),
+                          lambda answers: 'mse_refined' in values_of(answers[0]))
     sent = with_truth(good_pair())
     message = sent.pop('ground_truth/disparity')
     in_order = {'ground_truth/disparity': message, **sent} if comes == 'first' else {

@@ -18,6 +18,7 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from harness import Client, floats, reliable_inputs, running_node, stamp_of
+from live_node import values_of
 import numpy as np
 import pytest
 from std_msgs.msg import Header
@@ -56,10 +57,6 @@ def messages_of(scene, geometry):
         'left/camera_info': left_info, 'right/camera_info': right_info}
 
 
-def figures_of(metrics):
-    return {item.key: float(item.value) for item in metrics.status[0].values}
-
-
 @pytest.mark.parametrize('name', ['cones', 'teddy', 'venus', 'tsukuba'])
 def test_a_scene_over_dds(client, name):
     scene = load_scene(name)
@@ -68,8 +65,8 @@ def test_a_scene_over_dds(client, name):
     client.connect(messages_of(scene, geometry))
     message, metrics = client.exchange_until(
         lambda: messages_of(scene, geometry), ('disparity', 'metrics'),
-        lambda answers: 'mse_refined' in figures_of(answers[1]) and answers[0].f > 0)
-    figures = figures_of(metrics)
+        lambda answers: 'mse_refined' in values_of(answers[1]) and answers[0].f > 0)
+    figures = values_of(metrics)
 
     params = load_preset('live', {
         'matching.num_disparities': scene.num_disparities, 'output.min_confidence': 0.0,
