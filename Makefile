@@ -33,7 +33,8 @@ SIDE_BY_SIDE := -n 4 --dist loadfile --no-loadscope-reorder
 # All that needs no ROS.
 CORE_TESTS := $(KERNEL_TESTS) $(wildcard test/evaluation test/datasets test/rectification test/health \
 	test/test_images.py test/test_levels.py $(wildcard test/test_pipeline*.py) test/test_decoding.py test/test_params.py \
-	test/test_grey_range.py test/test_pairing.py test/test_memory.py test/test_threads.py)
+	test/test_grey_range.py test/test_pairing.py test/test_memory.py test/test_stop.py \
+	test/test_threads.py)
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 # The tests start hundreds of processes: each would parse all sources again.
