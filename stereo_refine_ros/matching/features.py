@@ -65,6 +65,36 @@ def feature_planes(grey: Image, is_mirrored: bool, margin: int, out: Bytes) -> N
         _census_kernel(padded, reach, stride, sign * stride, maps[2 + 3 * i:5 + 3 * i])
 
 
+def alike(image: Image, edge_step: float, out: Bytes) -> None:
+    """
+    Mark the pixels of the second census that lie on no other side of an edge.
+
+    What lies behind or before another surface moves against it from view to view: compared with
+    it, a pixel is drawn to the wrong disparity.
+
+    Parameters
+    ----------
+    image : uint8 ndarray of shape (H, W) or (H, W, 3)
+        Grey or colour.
+    edge_step : float, grey levels
+        A difference of at least this in any channel is an edge.
+    out : uint8 ndarray of length 3 * H * W
+        Filled plane after plane, bits as in the census: 1 where the pixel is alike.
+
+    """
+    stride = CENSUS_STRIDES[1]
+    reach = 2 * stride
+    padded = pad(image, (reach, reach), (reach, reach))
+    channels = [padded] if image.ndim == 2 else cv2.split(padded)
+    _alike_kernel(np.stack(channels, axis=1), reach, stride, np.int16(_largest_flat(edge_step)),
+                  out.reshape(3, *image.shape[:2]))
+
+
+def _largest_flat(edge_step: float) -> int:
+    """Return the largest difference of grey levels that is no edge; below 0: all are."""
+    return min(max(math.ceil(edge_step) - 1, -1), 255)
+
+
 def flat_steps(image: Image, edge_step: float) -> tuple[Bytes, Bytes]:
     """
     Mark the steps from the left and from above that cross no edge.
@@ -82,7 +112,7 @@ def flat_steps(image: Image, edge_step: float) -> tuple[Bytes, Bytes]:
         1 where there is no edge, also in the first column and the first row.
 
     """
-    limit = min(max(math.ceil(edge_step) - 1, -1), 255)
+    limit = _largest_flat(edge_step)
     flat = np.ones((2, *image.shape[:2]), np.uint8)
     for channel in (image,) if image.ndim == 2 else cv2.split(image):
         _flat_kernel(np.ascontiguousarray(channel).reshape(image.shape[:2]), limit, flat)
@@ -137,3 +167,31 @@ def _census_kernel(padded, reach, down, right, out):
             else:
                 for x in range(width):
                     row[x] |= flag if there[x] < centre[x] else np.uint8(0)
+
+
+@njit(cache=True, nogil=True)
+def _alike_kernel(padded, reach, stride, limit, out):
+    """Channels lie side by side in the rows of `padded`, so that one plain loop does for all."""
+    height, width = out.shape[1:]
+    channels, step = padded.shape[1:]
+    flat = padded.reshape(padded.shape[0], channels * step)
+    size = channels * step - 2 * reach
+    least, most, same = np.empty((3, size), np.uint8)
+    green, red = same[(channels > 1) * step:], same[(channels > 1) * 2 * step:]
+    for y in range(height):
+        centre = flat[y + reach, reach:reach + size]
+        for i in range(size):
+            level = np.int16(centre[i])
+            least[i] = np.uint8(min(max(level - limit, 0), 255))
+            most[i] = np.uint8(min(max(level + limit, 0), 255))
+        for bit in range(24):
+            place = bit if bit < 12 else bit + 1
+            dy, dx = (place // 5 - 2) * stride, (place % 5 - 2) * stride
+            there = flat[y + reach + dy, reach + dx:reach + dx + size]
+            row, flag = out[bit >> 3, y], np.uint8(1 << (bit & 7))
+            if bit & 7 == 0:
+                row[:] = 0
+            for i in range(size):
+                same[i] = flag if (there[i] >= least[i]) & (there[i] <= most[i]) else np.uint8(0)
+            for x in range(width):
+                row[x] |= same[x] & green[x] & red[x]

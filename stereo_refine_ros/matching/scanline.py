@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_refine_ros.images import halve
-from stereo_refine_ros.matching.features import feature_planes, flat_steps
+from stereo_refine_ros.matching.features import alike, feature_planes, flat_steps
 from stereo_refine_ros.matching.islands import without_islands
 from stereo_refine_ros.matching.match import Match, Scan
 from stereo_refine_ros.matching.scanline_paths import band_kernel, STRIP, work_size
@@ -28,7 +28,7 @@ from stereo_refine_ros.matching.scanline_winners import WIDEST
 from stereo_refine_ros.matching.scratch import scratch
 from stereo_refine_ros.matching.tuning import (
     CENSUS_CAP, EDGE_FACTOR, EDGE_STEP, FULL_RANGE, GRADIENT_CAP, OUT_OF_VIEW, PENALTIES, WINDOW)
-from stereo_refine_ros.matching.vector_twins import LANES_PER_ITEM, PLANES
+from stereo_refine_ros.matching.vector_twins import LANES_PER_ITEM, LEFT_PLANES, PLANES
 from stereo_refine_ros.matching.windows import half_range, windows
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.threads import run_parts, start
@@ -122,11 +122,14 @@ def scan_windows(pair: StereoPair, min_disparity: int, num_disparities: int,
     outside[margin:margin + width] = 0
     out = tuple(np.empty((height, width), np.float32) for _ in range(3))
     working = work_size(width, lanes, base.shape[0] > 1)
-    with scratch(PLANES * size) as left, scratch(PLANES * size) as right:
-        right_task = start(threads, feature_planes, pair.right_grey, True, margin, right)
-        feature_planes(pair.left_grey, False, margin, left)
+    compared = PLANES * height * width
+    with scratch(LEFT_PLANES * height * width) as left, scratch(PLANES * size) as right:
+        tasks = (start(threads, feature_planes, pair.right_grey, True, margin, right),
+                 start(threads, alike, pair.left, edge_step, left[compared:]))
+        feature_planes(pair.left_grey, False, 0, left[:compared])
         flat = tuple(flags.reshape(-1) for flags in flat_steps(pair.left, edge_step))
-        right_task.result()
+        for task in tasks:
+            task.result()
         args = ((0,) * (lanes // LANES_PER_ITEM), (left, right, mask, outside, size), base, flat,
                 ((GRADIENT_CAP, CENSUS_CAP), _penalties(lanes), min_disparity, margin,
                  num_disparities - 1))

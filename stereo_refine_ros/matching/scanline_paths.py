@@ -56,7 +56,14 @@ _RING = STRIP + RUN_UP
 def work_size(width: int, lane_count: int, has_windows: bool) -> int:
     """Return how many bytes `band_kernel` works in."""
     states = _states_layout(width, lane_count, has_windows)
-    return states[-1] + (ABREAST + 1 + STRIP + _RING) * width * lane_count + 3 * LINE
+    return (states[-1] + (1 + STRIP + _RING) * width * lane_count + LINE
+            + ABREAST * _sums_size(lane_count))
+
+
+@njit(cache=True, nogil=True)
+def _sums_size(lane_count):
+    """Return the bytes for the sums of a pixel, and for a line before and behind them."""
+    return lane_count + 2 * LINE
 
 
 @njit(cache=True, nogil=True)
@@ -89,9 +96,10 @@ def band_kernel(start, stop, lanes, views, base, flat, settings, work, out):
     Match rows start..stop.
 
     lanes : tuple of LANES_PER_ITEM disparities an item
-    views : left and mirrored right planes (flat uint8, `margin` entries before the first pixel
-        and behind the last of each plane); mask uint8 (W,), 255 for lanes outside the range;
-        uint8 (width + 2 * margin), cost of a partner outside the view, 0 inside; size of a plane
+    views : left planes, flat uint8 (LEFT_PLANES * H * width,); mirrored right planes (`margin`
+        entries before the first pixel and behind the last of each); mask uint8 (W,), 255 for
+        lanes outside the range; uint8 (width + 2 * margin), cost of a partner outside the view,
+        0 inside; size of a right plane
     base : int32 (H, width) or (1, 1): first disparity of every pixel's window
     flat : two uint8 (H * width,): 1 where the step from the left, from above crosses no edge
     settings : (limits, table of penalties, min_disparity, margin, last lane of the range)
@@ -111,7 +119,7 @@ def band_kernel(start, stop, lanes, views, base, flat, settings, work, out):
     arena = work[(states_end + LINE - 1) // LINE * LINE:]
     spare, kept = arena[:row], arena[row:(1 + STRIP) * row]
     cost = arena[(1 + STRIP) * row:(1 + STRIP + _RING) * row]
-    total = arena[(1 + STRIP + _RING) * row:]  # with a line before and behind: winners look there
+    sums = arena[(1 + STRIP + _RING) * row:]
     plan = np.empty((ABREAST, 3, width), np.int32)
     found = np.empty((ABREAST, width), np.int64)
     scratch = np.empty((4, width + 1), np.int32)
@@ -136,10 +144,10 @@ def band_kernel(start, stop, lanes, views, base, flat, settings, work, out):
                             plan[k])
             _reset_rows(rows, row_layout, lane_count)
             _ahead(lanes, y, count, rows, row_layout, column, before, stride, settings[1], flat,
-                   cost, total, row, plan)
+                   cost, kept, (y - top) * row, row, plan)
             _reset_rows(rows, row_layout, lane_count)
-            _back(lanes, y, count, rows, row_layout, settings[1], flat, cost, total, kept,
-                  (y - top) * row, row, plan, found)
+            _back(lanes, y, count, rows, row_layout, settings[1], flat, cost, kept,
+                  (y - top) * row, sums, row, plan, found)
             for k in range(count):
                 finish_row(y + k, base, settings[2], settings[4], found[k], scratch, out)
 
@@ -191,9 +199,9 @@ def _upward(top, end, known, height, lanes, views, base, flat, settings, layout,
 
 
 @njit(cache=True, nogil=True)
-def _ahead(lanes, y, count, rows, row_layout, column, before, stride, table, flat, cost, total,
-           row, plan):
-    """Run the rightward and the downward path over rows y..y + count, LAG pixels apart."""
+def _ahead(lanes, y, count, rows, row_layout, column, before, stride, table, flat, cost, kept,
+           kept_at, row, plan):
+    """Add the rightward and the downward path over rows y..y + count, LAG pixels apart."""
     width = plan.shape[2]
     lane_count = len(lanes) * LANES_PER_ITEM
     begin, offset, size = row_layout
@@ -208,14 +216,14 @@ def _ahead(lanes, y, count, rows, row_layout, column, before, stride, table, fla
             step_both(
                 lanes, rows, here + np.int64(plan[k, 0, x]), there + begin, column,
                 np.int64(plan[k, 2, x]), before + x * stride, table, alongs, downs,
-                (y + k) * width + x, cost, (y + k) % _RING * row + x * lane_count, total,
-                LINE + k * row + x * lane_count, offset)
+                (y + k) * width + x, cost, (y + k) % _RING * row + x * lane_count, kept,
+                kept_at + k * row + x * lane_count, offset)
 
 
 @njit(cache=True, nogil=True)
-def _back(lanes, y, count, rows, row_layout, table, flat, cost, total, kept, kept_at, row, plan,
+def _back(lanes, y, count, rows, row_layout, table, flat, cost, kept, kept_at, sums, row, plan,
           found):
-    """Run the leftward path over rows y..y + count, add all paths and find the winners."""
+    """Add the leftward path over rows y..y + count, and find the winners."""
     width = found.shape[1]
     lane_count = len(lanes) * LANES_PER_ITEM
     begin, offset, size = row_layout
@@ -228,6 +236,6 @@ def _back(lanes, y, count, rows, row_layout, table, flat, cost, total, kept, kep
             there = size * (2 * k + 1 - (z & 1))
             found[k, x] = step_last(
                 lanes, rows, here + np.int64(plan[k, 1, x]), there + begin, table, alongs,
-                (y + k) * width + neighbour, cost, (y + k) % _RING * row + x * lane_count, total,
-                LINE + k * row + x * lane_count, kept, kept_at + k * row + x * lane_count,
+                (y + k) * width + neighbour, cost, (y + k) % _RING * row + x * lane_count, kept,
+                kept_at + k * row + x * lane_count, sums, LINE + k * _sums_size(lane_count),
                 offset)

@@ -20,9 +20,11 @@ from numba import config, njit
 import numpy as np
 
 if config.DISABLE_JIT:
-    from stereo_refine_ros.matching.vector_twins import LANES_PER_ITEM, match_column
+    from stereo_refine_ros.matching.vector_twins import (
+        LANES_PER_ITEM, LEFT_PLANES, match_column, SPAN)
 else:
-    from stereo_refine_ros.matching.vector_steps import LANES_PER_ITEM, match_column
+    from stereo_refine_ros.matching.vector_steps import (
+        LANES_PER_ITEM, LEFT_PLANES, match_column, SPAN)
 
 
 @njit(cache=True, nogil=True)
@@ -31,19 +33,32 @@ def match_row(y, edge, lanes, views, base, flat, settings, cost, to, column, bef
     """Find the costs of a row, and take the path along its columns, whose flags row `edge` has."""
     limits, table, min_disparity, margin, _ = settings
     left, right, mask, outside, size = views
+    here = np.empty(LEFT_PLANES * SPAN, np.uint32)
     width = plan.shape[1]
     lane_count = len(lanes) * LANES_PER_ITEM
     begin = margin + y * width
     downs = flat[1]
     has_windows = base.shape[0] > 1
     for x in range(width):
+        at = x % SPAN
+        if at == 0:
+            _lay_out(left, y * width + x, min(SPAN, width - x), here)
         first = min_disparity + (np.int64(base[y, x]) if has_windows else 0)
         seat = width - 1 - x + min(max(first, -margin), width)
         match_column(
-            lanes, left, right, size, mask, outside, limits[0], limits[1], begin + x,
-            begin + seat, margin + seat, cost, to + x * lane_count, column,
-            np.int64(plan[2, x]), before + x * stride, table, downs, edge * width + x, kept,
-            keep_at + x * lane_count)
+            lanes, here, right, size, mask, outside, limits[0], limits[1], at, begin + seat,
+            margin + seat, cost, to + x * lane_count, column, np.int64(plan[2, x]),
+            before + x * stride, table, downs, edge * width + x, kept, keep_at + x * lane_count)
+
+
+@njit(cache=True, nogil=True)
+def _lay_out(left, begin, count, here):
+    """Repeat every byte of some pixels' features four times."""
+    size = left.shape[0] // LEFT_PLANES
+    for k in range(LEFT_PLANES):
+        plane, to = left[k * size + begin:k * size + begin + count], here[k * SPAN:]
+        for i in range(count):
+            to[i] = np.uint32(plane[i]) * np.uint32(0x01010101)
 
 
 @njit(cache=True, nogil=True)

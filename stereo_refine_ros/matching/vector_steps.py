@@ -21,10 +21,9 @@ so kernels need no factory and lie in numba's cache like any other. Every step h
 in `vector_twins`, which takes its place where numba is switched off.
 
 Costs and path values are uint8; sums saturate at 255, which also marks a disparity outside the
-range. Values of a path are kept less their least, so that the sum of four paths fits a byte too
-wherever it is near the least sum. `table` holds penalties, W bytes each: of the rows P1 and P2
-across an edge, both elsewhere, then of the columns; the flag of a step is 1 where there is no
-edge. Offsets are counted in entries.
+range. Values of a path are kept less their least, so that sums near the least one fit a byte too.
+`table` holds penalties, W bytes each: of the rows P1 and P2 across an edge, both elsewhere, then
+of the columns; the flag of a step is 1 where there is no edge. Offsets are counted in entries.
 """
 
 from __future__ import annotations
@@ -35,9 +34,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-LANES_PER_ITEM = 16
-# Features of a pixel: two gradients and six bytes of censuses.
-PLANES = 8
+from stereo_refine_ros.matching.vector_twins import LANES_PER_ITEM, LEFT_PLANES, PLANES, SPAN
 
 _I1, _I8, _I32, _I64 = (ir.IntType(bits) for bits in (1, 8, 32, 64))
 _Index = types.intp
@@ -50,7 +47,7 @@ class _Vectors:
         self.context, self.builder, self.signature, self.args = context, builder, signature, args
         self.width = signature.args[0].count * LANES_PER_ITEM
         self.bytes = ir.VectorType(_I8, self.width)
-        self.places = ir.VectorType(_I32, self.width)
+        self.words = ir.VectorType(_I32, self.width // 4)
 
     def array(self, position: int) -> Any:
         kind = self.context.make_array(self.signature.args[position])
@@ -62,15 +59,12 @@ class _Vectors:
             ir.FunctionType(value.type, [value.type]), '', '=r,0', [value], False)
 
     def planes(self, position: int, size: Any, index: Any) -> list[Any]:
-        """Point to one entry of every plane, by sums that x86 makes while it loads."""
+        """Load from every plane, from places that x86 sums up while it loads."""
         build = self.builder
         first = self.opaque(build.gep(self.array(position), [index]))
         fourth = build.gep(first, [build.mul(size, self.index(3))])
         ways = [(fourth, k - 3) if k in (3, 5, 7) else (first, k) for k in range(PLANES)]
-        return [build.gep(base, [build.mul(size, self.index(by))]) for base, by in ways]
-
-    def byte(self, position: int) -> Any:
-        return self.splat(self.builder.trunc(self.args[position], _I8))
+        return [self.load(base, build.mul(size, self.index(by))) for base, by in ways]
 
     def load(self, pointer: Any, index: Any) -> Any:
         return self.builder.load(self._place(pointer, index), align=1)
@@ -81,11 +75,19 @@ class _Vectors:
     def _place(self, pointer: Any, index: Any) -> Any:
         return self.builder.bitcast(self.builder.gep(pointer, [index]), self.bytes.as_pointer())
 
-    def splat(self, scalar: Any) -> Any:
-        kind = ir.VectorType(scalar.type, self.width)
-        none = ir.Constant(kind, ir.Undefined)
+    def word(self, position: int, index: Any) -> Any:
+        """Load four equal bytes into all lanes, which x86 does while it computes."""
+        return self.splat(self.builder.load(self.builder.gep(self.array(position), [index])), 4)
+
+    def splat(self, scalar: Any, lanes_each: int = 1) -> Any:
+        count = self.width // lanes_each
+        none = ir.Constant(ir.VectorType(scalar.type, count), ir.Undefined)
         first = self.builder.insert_element(none, scalar, ir.Constant(_I32, 0))
-        return self.builder.shuffle_vector(first, none, ir.Constant(self.places, [0] * self.width))
+        return self._shuffle(first, [0] * count)
+
+    def _shuffle(self, a: Any, order: list[int]) -> Any:
+        places = ir.Constant(ir.VectorType(_I32, len(order)), order)
+        return self.builder.shuffle_vector(a, ir.Constant(a.type, ir.Undefined), places)
 
     def constant(self, value: int) -> Any:
         return ir.Constant(self.bytes, [value] * self.width)
@@ -94,37 +96,32 @@ class _Vectors:
         return ir.Constant(_I64, value)
 
     def call(self, name: str, result: Any, *args: Any) -> Any:
-        module, kind = self.builder.module, ir.FunctionType(result, [arg.type for arg in args])
-        function = module.globals.get(name) or ir.Function(module, kind, name)
+        """Call one of LLVM's functions, which end in the type that they are for."""
+        kind = args[0].type
+        suffix = f'v{kind.count}i{kind.element.width}' if hasattr(kind, 'count') else str(kind)
+        module, name = self.builder.module, f'llvm.{name}.{suffix}'
+        signature = ir.FunctionType(result, [arg.type for arg in args])
+        function = module.globals.get(name) or ir.Function(module, signature, name)
         return self.builder.call(function, list(args))
 
-    def _pairwise(self, name: str, a: Any, b: Any) -> Any:
-        suffix = f'v{a.type.count}i{a.type.element.width}'
-        return self.call(f'llvm.{name}.{suffix}', a.type, a, b)
-
     def least_of(self, a: Any, b: Any) -> Any:
-        return self._pairwise('umin', a, b)
+        return self.call('umin', a.type, a, b)
 
     def add(self, a: Any, b: Any) -> Any:
-        return self._pairwise('uadd.sat', a, b)
+        return self.call('uadd.sat', a.type, a, b)
 
     def difference(self, a: Any, b: Any) -> Any:
-        return self.builder.sub(self._pairwise('umax', a, b), self._pairwise('umin', a, b))
-
-    def bit_count(self, a: Any) -> Any:
-        return self.call(f'llvm.ctpop.v{a.type.count}i8', a.type, a)
+        return self.builder.sub(self.call('umax', a.type, a, b), self.least_of(a, b))
 
     def least(self, a: Any) -> Any:
         """Return the least lane."""
-        suffix = f'v{a.type.count}i{a.type.element.width}'
-        return self.call(f'llvm.vector.reduce.umin.{suffix}', a.type.element, a)
+        return self.call('vector.reduce.umin', a.type.element, a)
 
     def shifted(self, a: Any, by: int) -> Any:
         """Move the lanes by one, 255 moving in."""
         count = self.width
         order = [(lane - by) % count for lane in range(count)]
-        none, order = ir.Constant(a.type, ir.Undefined), ir.Constant(self.places, order)
-        turned = self.builder.shuffle_vector(a, none, order)
+        turned = self._shuffle(a, order)
         wall = [0] * count
         wall[0 if by > 0 else -1] = 255
         return self.builder.or_(turned, ir.Constant(self.bytes, wall))
@@ -133,8 +130,8 @@ class _Vectors:
         """Load P1 and P2 of an axis (0: rows, 1: columns) by the flag of a step."""
         build = self.builder
         flag = build.zext(build.load(build.gep(self.array(flags), [self.args[at]])), _I64)
-        small = build.mul(flag, self.index(2 * self.width))
-        small = build.add(small, self.index(4 * self.width * axis))
+        small = build.add(build.mul(flag, self.index(2 * self.width)),
+                          self.index(4 * self.width * axis))
         large = build.add(small, self.index(self.width))
         return self.load(self.array(table), small), self.load(self.array(table), large)
 
@@ -165,23 +162,23 @@ class _Vectors:
         build = self.builder
         same = build.icmp_unsigned('==', a, self.splat(value))
         mask = build.bitcast(same, ir.IntType(self.width))
-        place = self.call(f'llvm.cttz.i{self.width}', mask.type, mask, ir.Constant(_I1, 1))
+        place = self.call('cttz', mask.type, mask, ir.Constant(_I1, 1))
         return self.resized(place, 64)
 
 
 @intrinsic  # noqa: E302
-def match_column(typing, lanes, left, right, size, mask, outside, slope_limit, census_limit, at,
+def match_column(typing, lanes, here, right, size, mask, outside, slope_limit, census_limit, at,
                  partner, seat, cost, to, column, begin, end, table, flags, flag_at, kept,
                  keep_at):
     """
     Compare a pixel with its partners, and take the path along its column on to it.
 
-    The cost is min(slopes, limit) + min(census bits, limit). `left` and `right` hold PLANES
-    planes of `size` bytes: two gradients, then bytes of a census. Lanes where `outside` is not
-    0, from `seat` on, cost what stands there; lanes whose `mask` is 255 become 255. The path's
-    values are copied to kept[keep_at].
+    The cost is min(slopes, limit) + min(census bits, limit). `right` holds PLANES planes of
+    `size` bytes; `here` LEFT_PLANES of SPAN numbers, uint32 of four equal bytes. Lanes where
+    `outside` is not 0, from `seat` on, cost what stands there; lanes whose `mask` is 255 become
+    255. The path's values are copied to kept[keep_at].
     """
-    signature = types.void(lanes, left, right, _Index, mask, outside, *[_Index] * 5, cost,
+    signature = types.void(lanes, here, right, _Index, mask, outside, *[_Index] * 5, cost,
                            _Index, column, _Index, _Index, table, flags, _Index, kept, _Index)
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -196,15 +193,16 @@ def match_column(typing, lanes, left, right, size, mask, outside, slope_limit, c
 
 
 def _cost(v: _Vectors, builder: Any, args: Any) -> Any:
-    size = v.opaque(args[3])
-    here = [v.splat(builder.load(place)) for place in v.planes(1, size, args[8])]
-    there = [v.load(place, v.index(0)) for place in v.planes(2, size, args[9])]
-    slope = v.add(v.difference(here[0], there[0]), v.difference(here[1], there[1]))
-    bits = None
-    for a, b in zip(here[2:], there[2:], strict=True):
-        part = v.bit_count(builder.xor(a, b))
-        bits = part if bits is None else builder.add(bits, part)
-    cost = builder.add(v.least_of(slope, v.byte(6)), v.least_of(bits, v.byte(7)))
+    here = [v.word(1, builder.add(args[8], v.index(k * SPAN))) for k in range(LEFT_PLANES)]
+    there = v.planes(2, v.opaque(args[3]), args[9])
+    slope = v.add(*(v.difference(builder.bitcast(here[k], v.bytes), there[k]) for k in range(2)))
+    bits = v.constant(0)
+    for k in range(2, PLANES):
+        differ = builder.xor(here[k], builder.bitcast(there[k], v.words))
+        differ = differ if k < 5 else builder.and_(differ, here[k + 3])
+        bits = builder.add(bits, v.call('ctpop', v.bytes, builder.bitcast(differ, v.bytes)))
+    limits = [v.splat(builder.trunc(args[k], _I8)) for k in (6, 7)]
+    cost = builder.add(v.least_of(slope, limits[0]), v.least_of(bits, limits[1]))
     veil = v.load(v.array(5), args[10])
     cost = builder.select(builder.icmp_unsigned('==', veil, v.constant(0)), cost, veil)
     return builder.or_(cost, v.load(v.array(4), v.index(0)))
@@ -214,7 +212,7 @@ def _cost(v: _Vectors, builder: Any, args: Any) -> Any:
 def step_both(typing, lanes, row, row_from, row_to, column, column_from, column_to, table,
               along_flags, down_flags, flag_at, cost, at, total, to, offset):
     """
-    Take the path along a row and the one down its column a pixel on; their sum goes to `total`.
+    Take the path along a row and the one down its column a pixel on; both are added to `total`.
 
     The state of a row holds, `offset` entries behind the values, the lesser of both neighbours
     of each: so that the next step loads what one step stored.
@@ -228,7 +226,8 @@ def step_both(typing, lanes, row, row_from, row_to, column, column_from, column_
         along = _advance_row(v, v.array(1), args[2], args[3], args[15],
                              v.penalties(7, 0, 8, 10), fresh)
         down = _advance_column(v, v.array(4), args[5], args[6], v.penalties(7, 1, 9, 10), fresh)
-        v.store(v.add(along, down), v.array(13), args[14])
+        sums = v.array(13)
+        v.store(v.add(v.load(sums, args[14]), v.add(along, down)), sums, args[14])
         return context.get_dummy_value()
     return signature, generate
 
@@ -249,28 +248,28 @@ def step_column(typing, lanes, column, begin, end, table, flags, flag_at, cost, 
 
 
 @intrinsic
-def step_last(typing, lanes, row, begin, end, table, flags, flag_at, cost, at, total, to, up,
-              back, offset):
+def step_last(typing, lanes, row, begin, end, table, flags, flag_at, cost, at, total, back,
+              sums, to, offset):
     """
-    Take the last path along a row a pixel on, complete the total, and find its winner.
+    Take the last path along a row a pixel on, add it to the total, and find the winner.
 
-    `up` is added at `back`. Returns, a byte each from the lowest bits: the winning lane, nothing,
-    the least total of the lanes farther than 2 from it, the winner's cost; then the totals of the
-    lane before the winner, of the winner, and of the lane after it.
+    The sums go to `sums`, whose bytes beside them are looked at too. Returns, a byte each from
+    the lowest bits: the winning lane, nothing, the least sum of the lanes farther than 2 from it,
+    the winner's cost; then the sums of the lanes before the winner, at it, and after it.
     """
     signature = types.int64(lanes, row, _Index, _Index, table, flags, _Index, cost, _Index, total,
-                            _Index, up, _Index, _Index)
+                            _Index, sums, _Index, _Index)
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         v = _Vectors(context, builder, signature, args)
-        cost, sums = v.array(7), v.array(9)
+        cost, sums = v.array(7), v.array(11)
         along = _advance_row(v, v.array(1), args[2], args[3], args[13],
                              v.penalties(4, 0, 5, 6), v.load(cost, args[8]))
-        total = v.add(v.load(sums, args[10]), v.add(along, v.load(v.array(11), args[12])))
-        v.store(total, sums, args[10])
+        total = v.add(v.load(v.array(9), args[10]), along)
+        v.store(total, sums, args[12])
         lane = v.first_equal(total, v.least(total))
         second = v.least(builder.select(v.near(lane), v.constant(255), total))
-        before = builder.gep(sums, [builder.add(args[10], builder.sub(lane, v.index(1)))])
+        before = builder.gep(sums, [builder.add(args[12], builder.sub(lane, v.index(1)))])
         four = builder.load(builder.bitcast(before, _I32.as_pointer()), align=1)
         around = builder.and_(four, ir.Constant(_I32, 0xFFFFFF))
         paid = builder.load(builder.gep(cost, [builder.add(args[8], lane)]))

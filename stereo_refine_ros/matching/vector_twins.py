@@ -25,23 +25,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 LANES_PER_ITEM = 16
+# Features of a pixel: two gradients, then three bytes of each of two censuses.
 PLANES = 8
+# And of one of the left view three more: which bits of the second census count.
+LEFT_PLANES = 11
+# Pixels of a row of the left view whose features are laid out at a time.
+SPAN = 64
 
 Lanes = tuple[int, ...]
 Bytes = NDArray[np.uint8]
+Words = NDArray[np.uint32]
 _BITS = np.array([bin(byte).count('1') for byte in range(256)])
 
 
-def match_column(lanes: Lanes, left: Bytes, right: Bytes, size: int, mask: Bytes, outside: Bytes,
+def match_column(lanes: Lanes, here: Words, right: Bytes, size: int, mask: Bytes, outside: Bytes,
                  slope_limit: int, census_limit: int, at: int, partner: int, seat: int,
                  cost: Bytes, to: int, column: Bytes, begin: int, end: int, table: Bytes,
                  flags: Bytes, flag_at: int, kept: Bytes, keep_at: int) -> None:
     """Compare a pixel with its partners, and take the path along its column on to it."""
     width = len(lanes) * LANES_PER_ITEM
-    here = [int(left[k * size + at]) for k in range(PLANES)]
+    ours = [int(here[k * SPAN + at]) & 255 for k in range(LEFT_PLANES)]
     there = [_part(right, k * size + partner, width) for k in range(PLANES)]
-    slope = sum(np.abs(here[k] - there[k]) for k in range(2))
-    bits = sum(_BITS[here[k] ^ there[k]] for k in range(2, PLANES))
+    slope = sum(np.abs(ours[k] - there[k]) for k in range(2))
+    counts = [255] * 3 + ours[PLANES:]
+    bits = sum(_BITS[(ours[k] ^ there[k]) & counts[k - 2]] for k in range(2, PLANES))
     fresh = np.minimum(slope, slope_limit) + np.minimum(bits, census_limit)
     veil = _part(outside, seat, width)
     cost[to:to + width] = np.where(veil == 0, fresh, veil) | mask[:width]
@@ -59,7 +66,7 @@ def step_both(lanes: Lanes, row: Bytes, row_from: int, row_to: int, column: Byte
                          _penalties(table, 0, along_flags[flag_at], width), fresh)
     down = _advance_column(column, column_from, column_to,
                            _penalties(table, 1, down_flags[flag_at], width), fresh)
-    total[to:to + width] = np.minimum(along + down, 255)
+    total[to:to + width] = np.minimum(_part(total, to, width) + along + down, 255)
 
 
 def step_column(lanes: Lanes, column: Bytes, begin: int, end: int, table: Bytes, flags: Bytes,
@@ -71,19 +78,19 @@ def step_column(lanes: Lanes, column: Bytes, begin: int, end: int, table: Bytes,
 
 
 def step_last(lanes: Lanes, row: Bytes, begin: int, end: int, table: Bytes, flags: Bytes,
-              flag_at: int, cost: Bytes, at: int, total: Bytes, to: int, up: Bytes, back: int,
+              flag_at: int, cost: Bytes, at: int, total: Bytes, back: int, sums: Bytes, to: int,
               offset: int) -> int:
-    """Take the last path along a row a pixel on, complete the total, and find its winner."""
+    """Take the last path along a row a pixel on, add it to the total, and find the winner."""
     width = len(lanes) * LANES_PER_ITEM
     fresh = _part(cost, at, width)
     along = _advance_row(row, begin, end, offset, _penalties(table, 0, flags[flag_at], width),
                          fresh)
-    sums = np.minimum(_part(total, to, width) + along + _part(up, back, width), 255)
-    total[to:to + width] = sums
-    lane = int(sums.argmin())
+    whole = np.minimum(_part(total, back, width) + along, 255)
+    sums[to:to + width] = whole
+    lane = int(whole.argmin())
     far = np.abs(np.arange(width) - lane) > 2
-    around = _part(total, to + lane - 1, 3)
-    return (lane | int(sums[far].min()) << 16 | int(fresh[lane]) << 24
+    around = _part(sums, to + lane - 1, 3)
+    return (lane | int(whole[far].min()) << 16 | int(fresh[lane]) << 24
             | sum(int(around[k]) << (32 + 8 * k) for k in range(3)))
 
 

@@ -15,57 +15,57 @@
 """Coefficients of the likelihood: made by scripts/fit_likelihood.py."""
 
 PAIR = (
-    -0.1502,  # bias
-    2.5677,  # vote
-    0.5097,  # around
-    0.9975,  # plane_near
-    -0.5746,  # plane_far
-    -0.5973,  # given_far
-    -0.3503,  # smooth_given
-    0.2695,  # smooth_ungiven
-    1.3037,  # fine_near
-    -0.9086,  # coarse_far
-    0.3901,  # uniqueness
-    -0.5709,  # bend
-    -0.5367,  # transparent
-    -0.1944,  # unseen
-    -0.1297,  # hole
-    1.0927,  # hole_vote
-    -0.5862,  # hole_plane
-    0.4636,  # hole_behind
-    -0.2703,  # border
-    0.8879,  # border_plane
-    0.0881,  # border_behind
-    0.2836,  # uniqueness_around
-    -0.4243,  # disagreement_around
-    1.0462,  # slant
-    -0.4901,  # misfit
+    0.0210,  # bias
+    2.6405,  # vote
+    0.5395,  # around
+    0.9868,  # plane_near
+    -0.5666,  # plane_far
+    -0.6278,  # given_far
+    -0.3532,  # smooth_given
+    0.2755,  # smooth_ungiven
+    1.3571,  # fine_near
+    -0.9407,  # coarse_far
+    0.3777,  # uniqueness
+    -0.5613,  # bend
+    -0.5259,  # transparent
+    -0.2421,  # unseen
+    -0.1703,  # hole
+    1.0720,  # hole_vote
+    -0.5227,  # hole_plane
+    0.4930,  # hole_behind
+    -0.2782,  # border
+    0.9906,  # border_plane
+    0.0429,  # border_behind
+    0.2124,  # uniqueness_around
+    -0.4758,  # disagreement_around
+    1.0378,  # slant
+    -0.5185,  # misfit
 )
 
 ALONE = (
-    -0.7505,  # bias
-    2.5578,  # vote
-    1.3587,  # around
-    2.1154,  # plane_near
-    -0.5873,  # plane_far
-    -0.2540,  # given_far
-    -0.1785,  # smooth_given
-    0.2953,  # smooth_ungiven
-    1.5895,  # fine_near
+    -0.7446,  # bias
+    2.5657,  # vote
+    1.3047,  # around
+    2.1264,  # plane_near
+    -0.5954,  # plane_far
+    -0.2489,  # given_far
+    -0.1708,  # smooth_given
+    0.2909,  # smooth_ungiven
+    1.6007,  # fine_near
     0.0000,  # coarse_far
     0.0000,  # uniqueness
-    -0.7144,  # bend
+    -0.6993,  # bend
     0.0000,  # transparent
-    -1.0403,  # unseen
-    1.3216,  # hole
-    -0.1260,  # hole_vote
-    -1.3026,  # hole_plane
-    0.5686,  # hole_behind
-    0.4771,  # border
-    0.7411,  # border_plane
-    -0.3157,  # border_behind
+    -1.0589,  # unseen
+    1.2932,  # hole
+    -0.1249,  # hole_vote
+    -1.2842,  # hole_plane
+    0.5849,  # hole_behind
+    0.4592,  # border
+    0.8230,  # border_plane
+    -0.3368,  # border_behind
     0.0000,  # uniqueness_around
-    -0.7505,  # disagreement_around
-    0.2670,  # slant
-    -1.0641,  # misfit
+    -0.7446,  # disagreement_around
+    0.2390,  # slant
+    -1.0607,  # misfit
 )

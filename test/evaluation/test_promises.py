@@ -31,7 +31,7 @@ pytestmark = pytest.mark.skipif(
 # Points of percent by which a map may become worse than it came, its holes filled along the rows.
 HARM = 0.1
 # The exceptions, points: leaves a pixel wide; stones at the border that the right view lacks.
-EXCEPTIONS = {'forest_1s hitnet': 0.2, 'Rocks1 own': 0.2}
+EXCEPTIONS = {'forest_1s hitnet': 0.2, 'Rocks1 own': 0.3}
 # Mean difference of what confidence promises and keeps; share of wrong pixels among those of 0.9.
 CALIBRATION, SURE_WRONG = 0.1, 0.06
 MAPS = ('own', 'sgbm', 'hitnet')

@@ -41,15 +41,28 @@ def features(grey):
     return [[of(y, x) for x in range(width)] for y in range(height)]
 
 
-def pixel_cost(here, there):
+def counted(image, edge_step):
+    """Return which bits of both censuses count: of the second, pixels across no edge."""
+    height, width = image.shape[:2]
+
+    def of(y, x):
+        places = [(min(max(y + 3 * i, 0), height - 1), min(max(x + 3 * j, 0), width - 1))
+                  for i in range(-2, 3) for j in range(-2, 3) if i or j]
+        return np.array([1] * 24 + [is_flat(image, (y, x), p, edge_step) for p in places])
+    return [[of(y, x) for x in range(width)] for y in range(height)]
+
+
+def pixel_cost(here, there, counts):
     slopes = sum(abs(a - b) for a, b in zip(here[0], there[0], strict=True))
-    return min(slopes, GRADIENT_CAP) + min(int((here[1] != there[1]).sum()), CENSUS_CAP)
+    bits = int(((here[1] != there[1]) & (counts > 0)).sum())
+    return min(slopes, GRADIENT_CAP) + min(bits, CENSUS_CAP)
 
 
-def cost_volume(left, right, disparities):
+def cost_volume(left, right, counts, disparities):
     """Return {disparity: cost} of every pixel; disparities(y, x) are the ones it looks at."""
     height, width = len(left), len(left[0])
-    return [[{d: pixel_cost(left[y][x], right[y][x - d]) if 0 <= x - d < width else OUT_OF_VIEW
+    return [[{d: pixel_cost(left[y][x], right[y][x - d], counts[y][x])
+              if 0 <= x - d < width else OUT_OF_VIEW
               for d in disparities(y, x)} for x in range(width)] for y in range(height)]
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 import scanline_reference as slow
 
-from stereo_refine_ros.matching.features import feature_planes, flat_steps
+from stereo_refine_ros.matching.features import alike, feature_planes, flat_steps
 from stereo_refine_ros.matching.vector_twins import PLANES
 
 
@@ -50,3 +50,17 @@ def test_a_step_is_flat_where_no_channel_jumps(shape, edge_step):
     for y, x in np.ndindex(shape[:2]):
         assert along[y, x] == (x == 0 or slow.is_flat(image, (y, x - 1), (y, x), edge_step))
         assert down[y, x] == (y == 0 or slow.is_flat(image, (y - 1, x), (y, x), edge_step))
+
+
+@pytest.mark.parametrize('edge_step', [0, 1, 20, 20.5, 255, 256])
+@pytest.mark.parametrize('shape', [(9, 14), (9, 14, 3), (1, 4), (4, 1, 3)])
+def test_a_pixel_of_the_second_census_counts_where_no_channel_jumps(shape, edge_step):
+    image = np.random.default_rng(3).integers(0, 256, shape, np.uint8)
+    image[:5] = image[:5] // 12
+    out = np.full(3 * shape[0] * shape[1], 77, np.uint8)
+    alike(image, edge_step, out)
+    maps = out.reshape(3, *shape[:2])
+    expected = slow.counted(image, edge_step)
+    for y, x in np.ndindex(shape[:2]):
+        found = np.unpackbits(maps[:, y, x], bitorder='little')
+        np.testing.assert_array_equal(found, expected[y][x][24:])

@@ -43,7 +43,8 @@ def patchy_pair(shape, shift=3, seed=0):
 def slow_scan(pair, min_disparity, num_disparities, edge_step=20):
     views = [slow.features(to_grey(view)) for view in (pair.left, pair.right)]
     everywhere = range(min_disparity, min_disparity + num_disparities)
-    costs = slow.cost_volume(*views, lambda y, x: everywhere)
+    counts = slow.counted(pair.left, edge_step)
+    costs = slow.cost_volume(*views, counts, lambda y, x: everywhere)
     return slow.finish(slow.path_sums(pair.left, costs, edge_step), costs, pair.shape)
 
 

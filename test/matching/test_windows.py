@@ -67,7 +67,8 @@ def test_paths_go_from_window_to_window(steps):
     base = np.kron(rng.integers(0, steps, (3, 7)), np.ones((3, 4), int))[:, :26].astype(np.int32)
     planes = [slow.features(grey) for grey in views]
     costs = slow.cost_volume(
-        *planes, lambda y, x: range(base[y, x] - 12, base[y, x] - 12 + 32))
+        *planes, slow.counted(views[0], 20),
+        lambda y, x: range(base[y, x] - 12, base[y, x] - 12 + 32))
     expected = slow.finish(slow.path_sums(views[0], costs, 20), costs, (9, 26))
     found = scan_windows(StereoPair(*views), -12, 32, base, 1, 20)
     np.testing.assert_allclose(found.disparity, expected[0], rtol=1e-6)
