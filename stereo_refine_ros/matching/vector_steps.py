@@ -48,6 +48,7 @@ class _Vectors:
         self.width = signature.args[0].count * LANES_PER_ITEM
         self.bytes = ir.VectorType(_I8, self.width)
         self.words = ir.VectorType(_I32, self.width // 4)
+        self.pairs = ir.VectorType(ir.IntType(16), self.width // 2)
 
     def array(self, position: int) -> Any:
         kind = self.context.make_array(self.signature.args[position])
@@ -85,9 +86,9 @@ class _Vectors:
         first = self.builder.insert_element(none, scalar, ir.Constant(_I32, 0))
         return self._shuffle(first, [0] * count)
 
-    def _shuffle(self, a: Any, order: list[int]) -> Any:
+    def _shuffle(self, a: Any, order: list[int], b: Any = None) -> Any:
         places = ir.Constant(ir.VectorType(_I32, len(order)), order)
-        return self.builder.shuffle_vector(a, ir.Constant(a.type, ir.Undefined), places)
+        return self.builder.shuffle_vector(a, b or ir.Constant(a.type, ir.Undefined), places)
 
     def constant(self, value: int) -> Any:
         return ir.Constant(self.bytes, [value] * self.width)
@@ -98,8 +99,8 @@ class _Vectors:
     def call(self, name: str, result: Any, *args: Any) -> Any:
         """Call one of LLVM's functions, which end in the type that they are for."""
         kind = args[0].type
-        suffix = f'v{kind.count}i{kind.element.width}' if hasattr(kind, 'count') else str(kind)
-        module, name = self.builder.module, f'llvm.{name}.{suffix}'
+        module = self.builder.module
+        name = f'llvm.{name}.v{kind.count}i{kind.element.width}'
         signature = ir.FunctionType(result, [arg.type for arg in args])
         function = module.globals.get(name) or ir.Function(module, signature, name)
         return self.builder.call(function, list(args))
@@ -151,19 +152,19 @@ class _Vectors:
         """Mark the lanes that are at most 2 from one (int64)."""
         build = self.builder
         kind = ir.IntType(self.width)
-        here = build.shl(ir.Constant(kind, 1), self.resized(lane, self.width))
-        marks = here
+        here = marks = build.shl(ir.Constant(kind, 1), self.resized(lane, self.width))
         for by in (ir.Constant(kind, 1), ir.Constant(kind, 2)):
             marks = build.or_(marks, build.or_(build.shl(here, by), build.lshr(here, by)))
         return build.bitcast(marks, ir.VectorType(_I1, self.width))
 
-    def first_equal(self, a: Any, value: Any) -> Any:
-        """Return the first lane that holds a value, as int64."""
-        build = self.builder
-        same = build.icmp_unsigned('==', a, self.splat(value))
-        mask = build.bitcast(same, ir.IntType(self.width))
-        place = self.call('cttz', mask.type, mask, ir.Constant(_I1, 1))
-        return self.resized(place, 64)
+    def least_lane(self, a: Any) -> Any:
+        """Return the first lane that holds the least value, as int64."""
+        build, lanes = self.builder, ir.Constant(self.bytes, list(range(self.width)))
+        keys = []
+        for half in (0, 8):  # as x86 interleaves: within 16 bytes
+            order = [at for k in range(self.width) if k & 8 == half for at in (self.width + k, k)]
+            keys.append(build.bitcast(self._shuffle(a, order, lanes), self.pairs))
+        return build.zext(build.trunc(self.least(self.least_of(*keys)), _I8), _I64)
 
 
 @intrinsic  # noqa: E302
@@ -267,7 +268,7 @@ def step_last(typing, lanes, row, begin, end, table, flags, flag_at, cost, at, t
                              v.penalties(4, 0, 5, 6), v.load(cost, args[8]))
         total = v.add(v.load(v.array(9), args[10]), along)
         v.store(total, sums, args[12])
-        lane = v.first_equal(total, v.least(total))
+        lane = v.least_lane(total)
         second = v.least(builder.select(v.near(lane), v.constant(255), total))
         before = builder.gep(sums, [builder.add(args[12], builder.sub(lane, v.index(1)))])
         four = builder.load(builder.bitcast(before, _I32.as_pointer()), align=1)
