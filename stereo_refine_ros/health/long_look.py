@@ -24,15 +24,17 @@ from stereo_refine_ros.health.external import fits_right_better
 from stereo_refine_ros.health.suspicion import CoarseLook, look_at, LOOKS
 from stereo_refine_ros.health.tuning import LOOK_EVERY_S
 from stereo_refine_ros.params import MatchingParams
-from stereo_refine_ros.types import FloatMap, StereoPair
+from stereo_refine_ros.types import FloatMap, Image, StereoPair
 
 
 class LongLook:
     """
     Look at a pair coarsely, and at a map from outside, once in LOOK_EVERY_S seconds.
 
-    The first pair is asked everything; later every pair one question, until all have been
-    answered, so that no frame is late for it. Pairs may come from several threads.
+    The first pair is asked everything at once. Later one question goes with every frame, so that
+    none is late for it, and all of a look are asked of the pair that began it: answers of several
+    pairs, black and healthy ones, would contradict each other. Frames may come from several
+    threads.
     """
 
     def __init__(self) -> None:
@@ -40,29 +42,34 @@ class LongLook:
         self._lock = threading.Lock()
         self._begun_at = self._map_seen_at = -math.inf
         self._open: list[str] = []
+        self._looked_at: tuple[Image, Image, int, int] | None = None
         self._answers: dict[str, float] = {}
         self._fits_right = False
         self.latest = CoarseLook(math.nan, math.nan, math.nan, math.nan)
 
     def ask(self, pair: StereoPair, matching: MatchingParams) -> None:
-        """Ask a pair what is due; `latest` changes once all has been answered."""
-        for view in self._due():
-            answer = look_at(view, pair.left_grey, pair.right_grey, matching.min_disparity,
-                             matching.num_disparities)
+        """Ask what is due, of this pair where a look begins; the last answer changes `latest`."""
+        due, looked_at = self._due(pair, matching)
+        for view in due:
+            answer = look_at(view, *looked_at)
             with self._lock:
                 self._answers[view] = answer
                 if not self._open and len(self._answers) == len(LOOKS):
                     self.latest = CoarseLook(**self._answers)
 
-    def _due(self) -> list[str]:
+    def _due(self, pair: StereoPair, matching: MatchingParams,
+             ) -> tuple[list[str], tuple[Image, Image, int, int]]:  # noqa: E124
         with self._lock:
             is_first = math.isinf(self._begun_at)
             now = time.monotonic()
             if not self._open and now - self._begun_at >= LOOK_EVERY_S:
                 self._begun_at, self._open = now, list(LOOKS)
+                self._looked_at = (pair.left_grey, pair.right_grey, matching.min_disparity,
+                                   matching.num_disparities)
             number = len(self._open) if is_first else 1
             due, self._open = self._open[:number], self._open[number:]
-            return due
+            assert self._looked_at is not None  # a look has begun by now
+            return due, self._looked_at
 
     def fits_right(self, given: FloatMap, pair: StereoPair) -> bool:
         """Tell whether a map from outside was last seen to be one of the right view."""

@@ -17,18 +17,14 @@
 from concurrent.futures import ThreadPoolExecutor
 import dataclasses
 import math
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 from real_pairs import lowered
 
-from stereo_refine_ros.health import long_look
-from stereo_refine_ros.health.long_look import LongLook
 from stereo_refine_ros.health.pair import PairExaminer
-from stereo_refine_ros.health.suspicion import CoarseLook, LOOKS
-from stereo_refine_ros.health.tuning import LOOK_EVERY_S
+from stereo_refine_ros.health.suspicion import LOOKS
 from stereo_refine_ros.health.views import measure_views
 from stereo_refine_ros.params import load_preset
 from stereo_refine_ros.rectification import RowOffset
@@ -202,49 +198,6 @@ def test_a_pair_is_measured_beside_its_matching_for_the_next_ones(pair, low_pair
         assert health.row_offset_px == prepared.offset.largest_px
         assert health.gain_ratio == own.gain_ratio  # what the views show is this pair's
     assert seen[0] == first.offset.offset_px and abs(seen[3]) < 0.1
-
-
-@pytest.fixture
-def asked(monkeypatch):
-    """Log what pairs are asked, at a time that stands still; every answer is another."""
-    log = SimpleNamespace(now=100.0, questions=[])
-    monkeypatch.setattr(long_look, 'time', SimpleNamespace(monotonic=lambda: log.now))
-
-    def look_at(question, *_):
-        log.questions.append(question)
-        return float(len(log.questions))
-    monkeypatch.setattr(long_look, 'look_at', look_at)
-    monkeypatch.setattr(long_look, 'fits_right_better',
-                        lambda *_: log.questions.append('fits right') or True)
-    return log
-
-
-def test_a_long_look_is_taken_bit_by_bit_once_in_a_while(pair, asked):
-    watching = LongLook()
-    assert math.isnan(watching.latest.as_is)
-
-    def ask():
-        asked.questions.clear()
-        watching.ask(pair, PARAMS.matching)
-        return watching.latest, asked.questions
-    first = CoarseLook(1, 2, 3, 4)
-    assert ask() == (first, list(LOOKS))
-    asked.now += 0.9 * LOOK_EVERY_S
-    assert ask() == (first, [])
-    asked.now += 0.2 * LOOK_EVERY_S
-    for question in LOOKS[:-1]:
-        assert ask() == (first, [question])
-    assert ask() == (CoarseLook(1, 1, 1, 1), [LOOKS[-1]])
-    assert ask() == (CoarseLook(1, 1, 1, 1), [])
-
-
-def test_a_map_is_looked_at_once_in_a_while(pair, asked):
-    watching, given = LongLook(), np.ones(SHAPE, np.float32)
-    for passed, number in ((0, 1), (0.9, 1), (0.2, 2)):
-        asked.now += passed * LOOK_EVERY_S
-        assert watching.fits_right(given, pair)
-        assert asked.questions == ['fits right'] * number
-    assert not LongLook().fits_right(given[1:], pair)
 
 
 @pytest.mark.parametrize('is_temporal', [False, True])

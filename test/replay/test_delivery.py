@@ -54,8 +54,9 @@ def publisher():
 def subscriber(publisher):
     process = subprocess.Popen(
         [sys.executable, '-c', SUBSCRIBER], stdout=subprocess.PIPE, text=True)
-    end = time.monotonic() + 20.0
-    while publisher[1].get_subscription_count() == 0 and time.monotonic() < end:
+    end = time.monotonic() + 60.0
+    while publisher[1].get_subscription_count() == 0:
+        assert time.monotonic() < end, 'no subscriber'
         time.sleep(0.02)
     process.send_signal(signal.SIGSTOP)
     yield process
