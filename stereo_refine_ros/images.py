@@ -16,6 +16,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +47,11 @@ def to_grey(image: Image) -> Image:
 def to_bgr(image: Image) -> Image:
     """Give an image three channels, uint8 (H, W, 3); one that has them comes back itself."""
     return image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+
+
+def channels_of(image: NDArray[Any]) -> Sequence[NDArray[Any]]:
+    """Take an image of any type apart, (H, W) each; a grey one is itself its one channel."""
+    return (image,) if image.ndim == 2 else cv2.split(image)
 
 
 def gradient_x(grey: Image, border: int = cv2.BORDER_REFLECT_101) -> NDArray[np.int16]:

@@ -29,6 +29,16 @@ def test_a_grey_image_is_its_own_grey_and_a_colour_image_is_weighed():
     assert images.to_grey(pixels).tolist() == [[11, 59, 30]]
 
 
+@pytest.mark.parametrize('dtype', [np.uint8, np.uint16])
+def test_an_image_is_taken_apart_and_a_grey_one_is_its_one_channel(dtype):
+    grey, = images.channels_of(GREY.astype(dtype))
+    np.testing.assert_array_equal(grey, GREY)
+    colour = np.stack([GREY, GREY // 2, GREY // 3], axis=2).astype(dtype)
+    for k, channel in enumerate(images.channels_of(colour)):
+        assert channel.dtype == dtype
+        np.testing.assert_array_equal(channel, colour[..., k])
+
+
 def test_three_channels_of_a_grey_image_are_equal_and_turn_grey_again():
     levels = np.arange(256, dtype=np.uint8)[None]
     colour = images.to_bgr(levels)

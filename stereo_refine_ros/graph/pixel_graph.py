@@ -31,6 +31,7 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from stereo_refine_ros.images import channels_of
 from stereo_refine_ros.types import Image, require_image
 
 IndexArray = NDArray[np.int32]
@@ -123,7 +124,7 @@ def _changes(image: NDArray[Any], directions: int
              ) -> Iterator[tuple[tuple[slice, slice, int], NDArray[Any]]]:
     """Yield for each direction the largest change of a channel, and its place among weights."""
     height, width = image.shape[:2]
-    channels = (image,) if image.ndim == 2 else cv2.split(image)
+    channels = channels_of(image)
     for k, (down, right) in enumerate(_STEPS[:directions].tolist()):
         if height > down and width > abs(right):
             left, stop = max(0, -right), width - max(0, right)

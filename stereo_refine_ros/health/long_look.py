@@ -26,6 +26,9 @@ from stereo_refine_ros.health.tuning import LOOK_EVERY_S
 from stereo_refine_ros.params import MatchingParams
 from stereo_refine_ros.types import FloatMap, Image, StereoPair
 
+# What `look_at` takes: the look, both views in grey, the range of disparities.
+_Question = tuple[str, Image, Image, int, int]
+
 
 class LongLook:
     """
@@ -41,35 +44,31 @@ class LongLook:
         """Start without knowledge."""
         self._lock = threading.Lock()
         self._begun_at = self._map_seen_at = -math.inf
-        self._open: list[str] = []
-        self._looked_at: tuple[Image, Image, int, int] | None = None
+        self._open: list[_Question] = []
         self._answers: dict[str, float] = {}
         self._fits_right = False
         self.latest = CoarseLook(math.nan, math.nan, math.nan, math.nan)
 
     def ask(self, pair: StereoPair, matching: MatchingParams) -> None:
         """Ask what is due, of this pair where a look begins; the last answer changes `latest`."""
-        due, looked_at = self._due(pair, matching)
-        for view in due:
-            answer = look_at(view, *looked_at)
+        for question in self._due(pair, matching):
+            answer = look_at(*question)
             with self._lock:
-                self._answers[view] = answer
+                self._answers[question[0]] = answer
                 if not self._open and len(self._answers) == len(LOOKS):
                     self.latest = CoarseLook(**self._answers)
 
-    def _due(self, pair: StereoPair, matching: MatchingParams,
-             ) -> tuple[list[str], tuple[Image, Image, int, int]]:  # noqa: E124
+    def _due(self, pair: StereoPair, matching: MatchingParams) -> list[_Question]:
         with self._lock:
             is_first = math.isinf(self._begun_at)
             now = time.monotonic()
             if not self._open and now - self._begun_at >= LOOK_EVERY_S:
-                self._begun_at, self._open = now, list(LOOKS)
-                self._looked_at = (pair.left_grey, pair.right_grey, matching.min_disparity,
-                                   matching.num_disparities)
+                self._begun_at = now
+                self._open = [(look, pair.left_grey, pair.right_grey, matching.min_disparity,
+                               matching.num_disparities) for look in LOOKS]
             number = len(self._open) if is_first else 1
             due, self._open = self._open[:number], self._open[number:]
-            assert self._looked_at is not None  # a look has begun by now
-            return due, self._looked_at
+            return due
 
     def fits_right(self, given: FloatMap, pair: StereoPair) -> bool:
         """Tell whether a map from outside was last seen to be one of the right view."""

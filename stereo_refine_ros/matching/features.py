@@ -23,7 +23,7 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_refine_ros.images import pad
+from stereo_refine_ros.images import channels_of, pad
 from stereo_refine_ros.matching.tuning import CENSUS_STRIDES
 from stereo_refine_ros.matching.vector_twins import PLANES
 from stereo_refine_ros.types import Image
@@ -74,18 +74,15 @@ def alike(image: Image, edge_step: float, out: Bytes) -> None:
 
     Parameters
     ----------
-    image : uint8 ndarray of shape (H, W) or (H, W, 3)
-        Grey or colour.
-    edge_step : float, grey levels
-        A difference of at least this in any channel is an edge.
+    image, edge_step
+        As in `flat_steps`.
     out : uint8 ndarray of length 3 * H * W
         Filled plane after plane, bits as in the census: 1 where the pixel is alike.
 
     """
     stride = CENSUS_STRIDES[1]
     reach = 2 * stride
-    padded = pad(image, (reach, reach), (reach, reach))
-    channels = [padded] if image.ndim == 2 else cv2.split(padded)
+    channels = channels_of(pad(image, (reach, reach), (reach, reach)))
     _alike_kernel(np.stack(channels, axis=1), reach, stride, np.int16(_largest_flat(edge_step)),
                   out.reshape(3, *image.shape[:2]))
 
@@ -114,7 +111,7 @@ def flat_steps(image: Image, edge_step: float) -> tuple[Bytes, Bytes]:
     """
     limit = _largest_flat(edge_step)
     flat = np.ones((2, *image.shape[:2]), np.uint8)
-    for channel in (image,) if image.ndim == 2 else cv2.split(image):
+    for channel in channels_of(image):
         _flat_kernel(np.ascontiguousarray(channel).reshape(image.shape[:2]), limit, flat)
     return flat[0], flat[1]
 
